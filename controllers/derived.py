@@ -49,7 +49,9 @@ STEEP_BELOW = 0.12
 FRAME_SHARE = 0.22
 # Openings are narrow if their room is below this share of a leg. On the courses of the reference it
 # is 0.05 and more.
-NARROW_SHARE = 0.035
+NARROW_SHARE = 0.045
+# The narrowness from which on the horizon grows with it
+VERY_NARROW = 2.5
 # The most samples; more fly hardly faster, see docs/samplers.md
 MOST_SAMPLES = 4096
 # The nose is turned to each gate if the time scale is at least this many lags of the yaw.
@@ -140,10 +142,8 @@ class Scale(NamedTuple):
 
     @property
     def narrowness_text(self) -> str:
-        """The narrowness as text for a formula, "" if it is 1."""
-        if self.narrowness <= 1.0:
-            return ""
-        return f"({NARROW_SHARE:g} leg {self.leg:.3g} m / {self.room_text}) "
+        """The narrowness as text for a formula."""
+        return f"({NARROW_SHARE:g} leg {self.leg:.3g} m / {self.room_text})"
 
     @property
     def room_text(self) -> str:
@@ -187,16 +187,18 @@ def horizon_law(scale: Scale) -> float:
     """Return the horizon as a multiple of the time scale [s].
 
     A plan has to brake or turn for the gate after the next one, which takes a time in proportion to
-    the time scale. A narrow opening is approached at less than full acceleration.
+    the time scale. A very narrow opening is approached at less than full acceleration.
     """
-    return HORIZON * scale.time * sqrt(scale.narrowness)
+    return HORIZON * scale.time * sqrt(max(scale.narrowness / VERY_NARROW, 1.0))
 
 
 def horizon(scale: Scale) -> Law:
     """Return the horizon of a flight [s], by the law, within limits and on a grid of values."""
     wanted = horizon_law(scale)
     seconds = GRID * max(round(min(wanted, LONGEST) / GRID), 1)
-    root = f"{scale.narrowness_text}leg {scale.leg:.3g} m / {scale.acceleration:.3g} m/s^2"
+    root = f"leg {scale.leg:.3g} m / {scale.acceleration:.3g} m/s^2"
+    if scale.narrowness > VERY_NARROW:
+        root = f"{scale.narrowness_text} / {VERY_NARROW:g} {root}"
     limits = f"at most {LONGEST:g} s, to {GRID:g} s: {seconds:g} s"
     return Law(seconds, f"{HORIZON:g} sqrt({root}) = {wanted:.3g} s, {limits}")
 
@@ -314,16 +316,19 @@ def samples(reference: int, scale: Scale) -> Law:
 
     Samples turn by the same angles, so they spread in proportion to a leg, and more of them hit a
     frame that is large in comparison. The number grows with the square of this ratio, with the
-    narrowness of the openings, and with the time of a control period per step of the horizon.
+    square of the narrowness, as an opening has a width and a height, and with the time of a control
+    period per step of the horizon.
     """
     steps = max(steps_of(scale), 1)
     crowded = max(scale.frame / scale.leg / FRAME_SHARE, 1.0) ** 2
     time = scale.period / REFERENCE_PERIOD * REFERENCE_STEPS / steps
-    doublings = round(log2(crowded * scale.narrowness * time))
+    doublings = round(log2(crowded * scale.narrowness**2 * time))
     value = max(reference, min(reference * 2 ** max(doublings, 0), MOST_SAMPLES))
     share = f"(frame {scale.frame:.3g} m / leg {scale.leg:.3g} m / {FRAME_SHARE:g})^2"
     periods = f"(period {scale.period:g} s / {REFERENCE_PERIOD:g} s)"
-    factors = f"{scale.narrowness_text}{share} {periods} ({REFERENCE_STEPS} / {steps} steps)"
+    factors = f"{share} {periods} ({REFERENCE_STEPS} / {steps} steps)"
+    if scale.narrowness > 1.0:
+        factors = f"{scale.narrowness_text}^2 {factors}"
     return Law(value, f"{reference} {factors}, by doubling, at most {MOST_SAMPLES}")
 
 

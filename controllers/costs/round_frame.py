@@ -2,7 +2,7 @@
 
 Some courses have ladders: two gates in one plane that are flown one after the other in the same
 direction. Behind the first gate the straight way to the second one leads through bars, and a plan
-that follows it hovers there. Out of a gate that is flown straight down, a vehicle may come beside
+that follows it hovers there. Out of a gate that is flown straight down, a vehicle may come behind
 the frame of the next gate, where the straight way leads through bars, too. So on courses with such
 gates the term `progress` counts the way round frames. Seen from the left, the passage leads to the
 right: the way leads straight to the opening from in front of the gate (a), forward from beside its

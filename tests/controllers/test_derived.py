@@ -11,6 +11,7 @@ from quadsim.config.spec import Spec
 from quadsim.controllers.derived import (
     LONGEST,
     MOST_SAMPLES,
+    NARROW_SHARE,
     Scale,
     clearance,
     density,
@@ -137,6 +138,9 @@ def test_horizon_and_samples_grow_with_their_causes_and_keep_their_limits():
     tight = open_air._replace(room=0.1 * SMALL.room)
     assert samples(1024, tight).value > samples(1024, open_air).value
     assert horizon_law(tight) > horizon_law(open_air)
+    narrow = open_air._replace(room=open_air.leg * NARROW_SHARE / 1.5)
+    assert samples(1024, narrow).value > samples(1024, open_air).value
+    assert horizon_law(narrow) == horizon_law(open_air)
 
 
 def test_margins_grow_with_the_room_and_its_weight_falls():
