@@ -4,7 +4,17 @@ from itertools import pairwise
 
 import numpy as np
 
-from docs.results.unseen import GATES, HIGHEST, OPENING, THRUST_TO_WEIGHT, unseen_races
+from docs.results.unseen import (
+    GATES,
+    HIGHEST,
+    OPENING,
+    THRUST_TO_WEIGHT,
+    UnseenFlight,
+    add_row,
+    fastest_run,
+    rows_of,
+    unseen_races,
+)
 
 RACES = list(unseen_races(8, seed=1))
 
@@ -33,3 +43,17 @@ def test_there_are_vertical_gates_stacked_gates_and_turns_back():
     assert any(back)
     assert any(s and b for s, b in zip(stacked, back, strict=True))
     assert any(s and not b for s, b in zip(stacked, back, strict=True))
+
+
+def test_limits_begin_with_the_fastest_flight_that_has_finished(tmp_path):
+    def flight(outcome, time, run):
+        return UnseenFlight("a", 3, 1.0, 4.0, 1.5, "colored", outcome, time, 9.0, run)
+
+    table = tmp_path / "flights.csv"
+    assert rows_of(table) == []
+    add_row(table, flight("crashed", 0.0, "first"))
+    assert fastest_run(rows_of(table), "a") is None
+    add_row(table, flight("finished", 2.5, "second"))
+    add_row(table, flight("finished", 2.25, "third"))
+    assert fastest_run(rows_of(table), "a") == "third"
+    assert fastest_run(rows_of(table), "b") is None

@@ -1,0 +1,88 @@
+"""The picture of results.md about unseen courses: how far flights are above the limit.
+
+.venv/bin/python docs/unseen_figure.py
+
+It draws the rows of docs/results/unseen/, which docs/results/unseen.py has written, and prints the
+numbers of the table beside it.
+"""
+
+from __future__ import annotations
+
+import csv
+from typing import NamedTuple
+
+import matplotlib.pyplot as plt
+import numpy as np
+from shared import DOCS, save, use_style
+
+from quadsim.figures.style import line
+from quadsim.palette import style
+
+SEEDS = (7741, 7742)  # of the courses
+SHOWN = 7742
+SAMPLERS = ("colored", "gaussian")
+MOST = 60.0  # the largest difference that is drawn [%]
+
+
+class Flight(NamedTuple):
+    """A flight of one course."""
+
+    opening: float  # [m]
+    above: float  # time above the limit, infinite for a flight that has not finished [%]
+
+
+def main() -> None:
+    """Draw the picture, and print a row for each seed and sampler."""
+    use_style()
+    figure, (share, size) = plt.subplots(1, 2, figsize=(9.0, 3.2))
+    for sampler in SAMPLERS:
+        found = flights(SHOWN, sampler)
+        above = np.sort([flight.above for flight in found])
+        part = 100.0 * np.arange(1, len(above) + 1) / len(above)
+        share.step(above, part, where="post", label=sampler, **line(style(sampler)))
+        size.plot(
+            [flight.opening for flight in found],
+            [flight.above for flight in found],
+            ".",
+            color=style(sampler).colour,
+            label=sampler,
+        )
+    share.set(
+        xlim=(0, MOST), ylim=(0, 100), xlabel="above the limit, at most [%]", ylabel="courses [%]"
+    )
+    size.set(ylim=(0, MOST), xlabel="opening of the gates [m]", ylabel="above the limit [%]")
+    share.legend()
+    save(figure, "unseen.png")
+    for seed in SEEDS:
+        for sampler in SAMPLERS:
+            above = np.array([flight.above for flight in flights(seed, sampler)])
+            low, median, high = np.percentile(above, (25, 50, 75), method="lower")
+            print(
+                f"| {seed} | {sampler} | {np.isfinite(above).sum()} of {len(above)} |"
+                f" {median:.1f} % | {low:.1f} to {high:.1f} % |"
+            )
+
+
+def flights(seed: int, sampler: str) -> list[Flight]:
+    """Return the flights of the courses whose limit is known."""
+    limits = {row["course"]: float(row["limit"]) for row in rows(f"{seed}_limits.csv")}
+    return [
+        Flight(
+            opening=float(row["opening"]),
+            above=100.0 * (float(row["time"]) / limits[row["course"]] - 1.0)
+            if row["outcome"] == "finished"
+            else np.inf,
+        )
+        for row in rows(f"{seed}_flights.csv")
+        if row["variant"] == sampler and row["course"] in limits
+    ]
+
+
+def rows(name: str) -> list[dict[str, str]]:
+    """Return the rows of a file in docs/results/unseen/."""
+    with (DOCS / "results" / "unseen" / name).open(newline="") as file:
+        return list(csv.DictReader(file))
+
+
+if __name__ == "__main__":
+    main()
