@@ -41,7 +41,7 @@ NOTEBOOKS = {
 # What they print beside a planner of any size; any other script prints that its flight finished.
 PRINT = {
     "foreign_loop": r"6 s: 0\.0\d\d m from the goal",
-    "own_term": r"square: 0\.[3-9]\d* rad/s\n.*square: 0\.[0-2]\d* rad/s",
+    "own_term": r"square: (0\.[3-9]|1\.)\d* rad/s\n.*square: 0\.[0-2]\d* rad/s",
     "own_system": r"angle from upright at the end: [0-5]\.\d deg",
     "sweep_gamma": r"gamma 4: lap \d+\.\d+ s",
     "two_samplers": r"colored - gaussian: [+-]\d+\.\d+ s a lap",

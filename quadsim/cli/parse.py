@@ -16,8 +16,7 @@ from quadsim.cli.commands import COMMANDS
 from quadsim.cli.flags import settings_as_flags
 from quadsim.config.settings import SETTINGS, bare
 from quadsim.console import UsageError
-from quadsim.files.values import NONE, checked
-from quadsim.files.yaml_errors import expected
+from quadsim.files.values import NONE, checked, wanted
 
 MANY_RACES = "use race compare-heats with --entrants, --starts and --variants for many races"
 # command -> what to do with arguments that it has no use for
@@ -119,11 +118,12 @@ def _line(error: CycloptsError, app: App) -> str:
             token = error.token if isinstance(error, exceptions.CoercionError) else None
             setting = SETTINGS.get(name.removeprefix("--").replace("-", "_"))
             kind = setting.kind if setting else inspect.type_info(error.argument.hint)
+            text = wanted(kind, may_be_off=setting is not None and setting.group != "flight")
             if token is not None:
-                return f"{name}: expected {expected(kind)}, got {token.value!r}"
+                return f"{name}: expected {text}, got {token.value!r}"
             is_missing = isinstance(error, exceptions.MissingArgumentError) and not error.keyword
             given = " ".join(getattr(error, "tokens_so_far", ()))
             few = f"too few values: {given!r}" if given else "too few values"
             got = f"no {name}" if is_missing else few
-            return f"{name}: expected {expected(kind)}, got {got} (see race {command} --help)"
+            return f"{name}: expected {text}, got {got} (see race {command} --help)"
     return str(error).splitlines()[-1]

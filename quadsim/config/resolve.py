@@ -16,7 +16,6 @@ from quadsim.config.settings import (
     Group,
     Setting,
     SettingError,
-    is_none,
     is_optional,
 )
 from quadsim.controllers.config import MPPIConfig
@@ -338,8 +337,7 @@ def with_settings(group: Group, values: Any, given: Mapping[str, Any]) -> Any:
             continue  # the default
         if kind is None:
             raise SettingError(name, _owners(setting))
-        is_off = is_optional(kind) and is_none(value)
-        changes[setting.field] = None if is_off else checked(name, value, kind)
+        changes[setting.field] = checked(name, value, kind, may_be_off=True)
     return replace(values, **changes) if changes else values
 
 

@@ -25,7 +25,6 @@ from quadsim.files.strict_yaml import setting, unit
 from quadsim.files.values import Kind as Kind
 from quadsim.files.values import SettingError as SettingError
 from quadsim.files.values import bare as bare
-from quadsim.files.values import is_none as is_none
 from quadsim.files.values import is_optional as is_optional
 from quadsim.files.yaml_errors import unless_null
 from quadsim.firmware import FlightControllerName

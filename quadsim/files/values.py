@@ -54,26 +54,28 @@ class _Unfit(Exception):  # noqa: N818 (it never leaves this module)
     """The error of a value that is not of the expected kind."""
 
 
-def checked(name: str, given: object, kind: Kind) -> object:
+def checked(name: str, given: object, kind: Kind, *, may_be_off: bool = False) -> object:
     """Return a value of a setting, checked and converted to the expected type.
 
-    Text is converted to a number if a number is expected. A list, a tuple or an array becomes a
-    tuple.
+    Text is converted to a number if a number is expected, and "none" to None if the number may be
+    None. A list, a tuple or an array becomes a tuple.
 
     Args:
         name: name of the setting, for the error.
         given: the value.
         kind: the expected kind.
+        may_be_off: whether None switches the setting off, which the error then says.
 
     Raises:
         SettingError: the value is of another type or out of range.
     """
-    if given is None and is_optional(kind):
+    if is_optional(kind) and (given is None or (_is_number(kind) and is_none(given))):
         return None
     try:
         return _read(given, bare(kind))
     except _Unfit:
-        raise SettingError(name, f"expected {_wanted(kind)}, got {_shown(given, kind)}") from None
+        text = wanted(kind, may_be_off=may_be_off)
+        raise SettingError(name, f"expected {text}, got {_shown(given, kind)}") from None
 
 
 def check_fields(record: object) -> None:
@@ -106,7 +108,7 @@ def checked_object(name: str, given: object, kind: Kind) -> Any:
     # `checked` reads a text as a number, and returns another text as it was.
     items = given if isinstance(given, list | tuple | np.ndarray) else [given]
     if any(isinstance(item, str) for item in items) and value != given:
-        raise SettingError(name, f"expected {_wanted(kind)}, got {_shown(given, kind)}")
+        raise SettingError(name, f"expected {wanted(kind)}, got {_shown(given, kind)}")
     return value
 
 
@@ -217,15 +219,32 @@ def _within(number: Number, kind: inspect.IntType | inspect.FloatType) -> Number
     return number
 
 
-def _wanted(kind: Kind) -> str:
-    """Return a kind as text with its unit and range, such as "4 numbers [m] >= 0"."""
-    number = bare(kind)
-    if isinstance(number, inspect.TupleType):
-        number = bare(number.item_types[0])
-    if isinstance(number, inspect.VarTupleType):
-        number = bare(number.item_type)
-    bounded = isinstance(number, inspect.IntType | inspect.FloatType)
-    return f"{expected(kind)} {limits(number)}".rstrip() if bounded else expected(kind)
+def wanted(kind: Kind, *, may_be_off: bool = False) -> str:
+    """Return a kind as text with its unit and range, such as "4 numbers [m] >= 0, or none".
+
+    Args:
+        kind: the kind of a setting.
+        may_be_off: whether None, if the kind has it, switches the setting off.
+    """
+    if not _is_number(kind):
+        return expected(kind)
+    text = f"{expected(kind)} {limits(_item(kind))}".rstrip()
+    return f"{text}, or {NONE}" if may_be_off and is_optional(kind) else text
+
+
+def _is_number(kind: Kind) -> bool:
+    """Return whether a setting of this kind is a number or several."""
+    return isinstance(_item(kind), inspect.IntType | inspect.FloatType)
+
+
+def _item(kind: Kind) -> Kind:
+    """Return the bare kind of a setting, or of its items if it has several."""
+    one = bare(kind)
+    if isinstance(one, inspect.TupleType):
+        return bare(one.item_types[0])
+    if isinstance(one, inspect.VarTupleType):
+        return bare(one.item_type)
+    return one
 
 
 def _shown(given: object, kind: Kind) -> str:

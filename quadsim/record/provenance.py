@@ -8,6 +8,7 @@ from __future__ import annotations
 import platform
 import subprocess
 import sys
+from functools import cache
 from importlib import metadata
 from pathlib import Path
 
@@ -19,6 +20,12 @@ DESCRIBE = ("describe", "--always", "--dirty", "--abbrev=40", "--exclude=*")
 def provenance() -> dict:
     """Return versions, commit, CPU and command line of this process, as a JSON dict."""
     return {"versions": versions(), "git": git_commit(), "cpu": cpu_name(), "argv": list(sys.argv)}
+
+
+@cache
+def this_provenance() -> dict:
+    """Return the provenance of this process, of the code as it was loaded: asked for once."""
+    return provenance()
 
 
 def versions() -> dict[str, str | None]:

@@ -4,8 +4,9 @@ import shutil
 
 import pytest
 
-from quadsim.campaign.run.attempt import Flown, this_provenance
+from quadsim.campaign.run.attempt import Flown
 from quadsim.campaign.run.runner import Runner
+from quadsim.record.provenance import this_provenance
 from quadsim.record.run import RecordedRun
 from tests.campaign_cases import specs, variant
 from tests.run_cases import frame

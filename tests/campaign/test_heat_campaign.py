@@ -21,13 +21,13 @@ from quadsim.campaign.heats.runner import FlownHeat, HeatRunner
 from quadsim.campaign.heats.stats import summary, summary_as_json
 from quadsim.campaign.heats.store import HeatStore
 from quadsim.campaign.heats.tables import overtakers_table, summary_blocks
-from quadsim.campaign.run.attempt import this_provenance
 from quadsim.campaign.run.database import code_of
 from quadsim.campaign.run.pool import Pool
 from quadsim.cli.cli import race
 from quadsim.files.values import SettingError
 from quadsim.heat.line_up import heats_of, line_up, parse_heat_variants
 from quadsim.heat.spec import HeatSpec
+from quadsim.record.provenance import this_provenance
 from quadsim.record.run import RunError
 from quadsim.record.schema import StoredEvent, StoredPlacing, StoredResult
 from quadsim.statistics import clustered_mean, mean_interval, wilson

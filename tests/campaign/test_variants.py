@@ -4,12 +4,13 @@ import re
 
 import pytest
 
-from quadsim.campaign.run.attempt import attempt_key, this_provenance, variant_key
+from quadsim.campaign.run.attempt import attempt_key, variant_key
 from quadsim.campaign.run.variants import Variant, make_variants, named_variants, parse_variants
 from quadsim.cli.cli import race
 from quadsim.config.setting_texts import named_parts, parse_parts, resolve
 from quadsim.config.settings import SettingError
 from quadsim.heat.line_up import KINDS
+from quadsim.record.provenance import this_provenance
 from tests.campaign_cases import COURSE, SETTINGS, variant
 
 

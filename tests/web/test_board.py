@@ -33,6 +33,15 @@ def test_a_page_gets_what_has_changed_since_it_asked_and_nothing_twice(page):
         assert until(lambda: ask(linked)["parts"]["head"]["content"]["phase"] == "paused")
 
 
+def test_the_first_answer_to_a_page_has_all_of_its_parts(page, monkeypatch):
+    """It is drawn once, and START can be pressed; parts that are made late are waited for."""
+    update, began = page.dashboard._update, time.monotonic()
+    late = lambda: update() if time.monotonic() - began > 0.5 else None  # noqa: E731
+    monkeypatch.setattr(page.dashboard, "_update", late)
+    with link(page.port) as linked:
+        assert {"head", "next", "now", "tower", "map", "groups"} <= set(ask(linked)["parts"])
+
+
 def test_a_part_that_cannot_be_made_keeps_no_page_from_the_others(page, monkeypatch, capfd):
     def fails(visitor):
         raise ValueError("on purpose")

@@ -5,6 +5,7 @@ import logging
 import re
 import socket
 from pathlib import Path
+from urllib.request import urlopen
 
 import msgspec
 import pytest
@@ -19,13 +20,16 @@ from quadsim.web.page.server.guard import OneLineOfNoFiles
 from quadsim.web.page.server.messages import MOST_WAITING, problem_of
 from quadsim.web.page.server.page_server import kept_token, new_token, probe, serve
 from quadsim.web.page.server.seats import SCENE as SCENES
+from quadsim.web.page.server.shell_files import static_folder
 from quadsim.web.page.server.viser_private import scene_page
 from quadsim.web.page.server.wrong_tokens import MOST, MOST_ADDRESSES, SPAN, WrongTokens
 
 TOKEN = "a-token-of-this-test"
 SECURITY = Path(__file__).parents[2] / "SECURITY.md"
+SHELL = Path(__file__).parents[2] / "web/page/shell"
 OTHER_HEADERS = ("Referrer-Policy", "Cache-Control")
 SCENE = f"{SCENES}a_seat_of_this_test"
+SCRIPT = f"{static_folder()}app.js"
 
 
 @pytest.fixture(scope="module")
@@ -188,9 +192,9 @@ def test_every_answer_forbids_frames_and_foreign_scripts(token_server):
     for path, headers in (
         ("/", {}),
         (SCENE, {}),
-        ("/static/app.js", {}),
+        (SCRIPT, {}),
         (f"/?token={TOKEN}", {}),
-        *((path, cookie) for path in ("/", SCENE, "/static/app.js", "/nothing", "/link")),
+        *((path, cookie) for path in ("/", SCENE, SCRIPT, "/nothing", "/link")),
     ):
         status, got = get(port, path=path, **headers)
         assert headers or status in (401, 303)
@@ -235,9 +239,14 @@ def test_the_headers_are_those_of_the_table(open_server):
 def test_only_files_of_the_page_are_served(open_server):
     """Neither the server's code, nor viser's other files, nor anything above the folder."""
     port = open_server.get_port()
-    assert get(port, path="/static/app.js")[0] == 200
+    assert get(port, path=SCRIPT)[0] == 200
     for path in (
         "/static/",
+        "/static/app.js",
+        SCRIPT.replace("app.js", ""),
+        SCRIPT.replace("app.js", "index.html"),
+        SCRIPT.replace("app.js", "../index.html"),
+        "/static/00000000000000000000000000000000/app.js",
         "/static/index.html",
         "/static/../guard.py",
         "/static/%2e%2e/guard.py",
@@ -259,11 +268,25 @@ def test_only_files_of_the_page_are_served(open_server):
 @pytest.mark.socket
 def test_a_file_that_a_browser_has_is_not_sent_again(open_server):
     port = open_server.get_port()
-    status, headers = get(port, path="/static/app.js")
+    status, headers = get(port, path="/")
     assert (status, headers["Cache-Control"]) == (200, "no-cache")
-    assert get(port, path="/static/app.js", If_None_Match=headers["ETag"])[0] == 304
+    assert get(port, path="/", If_None_Match=headers["ETag"])[0] == 304
+    # style sheets and scripts are named by their hash, and never asked for again
+    assert "immutable" in get(port, path=SCRIPT)[1]["Cache-Control"]
     # but a document that a token or a nonce stands for is kept nowhere
     assert get(port, path=SCENE)[1]["Cache-Control"] == "no-store"
+
+
+@pytest.mark.socket
+def test_the_document_names_every_style_sheet_and_script(open_server):
+    """A script that is known by another script alone comes later."""
+    port = open_server.get_port()
+    with urlopen(f"http://127.0.0.1:{port}/") as answer:
+        named = re.findall(r'(?:href|src)="(static/[^"]+)"', answer.read().decode())
+    assert {Path(name).name for name in named} == {
+        path.name for path in SHELL.iterdir() if path.suffix in (".css", ".js")
+    }
+    assert all(get(port, path=f"/{name}")[0] == 200 for name in named)
 
 
 @pytest.mark.socket
@@ -279,7 +302,7 @@ def test_the_client_of_the_scene_is_sent_once_and_kept_under_its_hash(open_serve
 
 
 @pytest.mark.socket
-@pytest.mark.parametrize("path", ["/", "/nothing", "/scene/", "/static/app.js", "/link/"])
+@pytest.mark.parametrize("path", ["/", "/nothing", "/scene/", SCRIPT, "/link/"])
 def test_at_other_paths_there_is_no_websocket(open_server, path):
     with pytest.raises(InvalidStatus) as error:
         connected(f"ws://127.0.0.1:{open_server.get_port()}{path}", subprotocols=[PROTOCOL])

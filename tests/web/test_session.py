@@ -45,6 +45,22 @@ def flown(session, frames):
     )
 
 
+def test_each_step_of_a_start_is_told_once(session):
+    """A page shows it at once, and frames as they come do not hurry it."""
+    seen = []
+    session.steps = lambda: seen.append(session.snapshot)
+    fast(session)
+    session.tell(PageRace.start, [choices(laps=3)])
+    assert over(session)
+    steps = [(s.preparing and s.preparing.what, s.race, s.is_taking_off, s.t > 0) for s in seen]
+    assert steps == [
+        ("building", 0, False, False),
+        (None, 1, True, False),
+        (None, 1, False, False),
+        (None, 1, False, True),
+    ]
+
+
 def test_a_flight_is_kept_and_the_page_shows_its_laps(session, tmp_path):
     fast(session)
     session.tell(PageRace.start, [choices(laps=3)])

@@ -74,6 +74,7 @@ class Dashboard:
 
     def __init__(self, server: PageServer, session: Session, menu: Menu, *first: Choices):
         link, seats = server.link, server.seats
+        self._woken = threading.Event()  # there is something to show at once
         server.gui.configure_theme(dark_mode=True, show_logo=False, show_share_button=False)
         # What is everybody's, and what each visitor watches
         flights = [replace(one, runs_dir=str(session.root)) for one in first]
@@ -82,7 +83,7 @@ class Dashboard:
         self._session = session
         viewing = Viewing(self.desk, session)
         self.camera = Camera(server)
-        self.board = Board(link, seats, self.camera)
+        self.board = Board(link, seats, self.camera, self._woken.set)
         # What visitors ask for
         self._runs = RunsPanel(server, session, self.start, viewing)
         self.controls = FlightControls(link, session, self.start, viewing, seats)
@@ -128,13 +129,15 @@ class Dashboard:
         link.open()
         self._answers = Beat(ANSWERS)
         self._is_calm = Calm(CALM)
-        self._closing = threading.Event()
+        self._is_closing = False
+        session.steps = self._woken.set
         self._thread = threading.Thread(target=self._run, name="page", daemon=True)
         self._thread.start()
 
     def close(self) -> None:
         """Stop showing anything."""
-        self._closing.set()
+        self._is_closing = True
+        self._woken.set()
         self._thread.join()
         self._editor.close()
         self._runs.close()
@@ -144,15 +147,20 @@ class Dashboard:
     def _run(self) -> None:
         """Show one snapshot after another."""
         pause = SCENE
-        while not self._closing.wait(pause):
+        while True:
+            is_woken = self._woken.wait(pause)
+            self._woken.clear()
+            if self._is_closing:
+                return
             began = perf_counter()
             try:
                 self._update()
             except Exception:
                 # an error in one update must not end the page
                 traceback.print_exc()
-                self._closing.wait(1.0)
-            self._answer()
+                self._woken.wait(1.0)
+            if is_woken or self._answers.strikes():
+                self._answer()
             shown = (self._projector.seen, self.desk.state, self._editor.shown)
             pause = PAUSE if self._is_calm(shown) else pause_after(perf_counter() - began)
 
@@ -167,6 +175,5 @@ class Dashboard:
 
     def _answer(self) -> None:
         """Answer the pages for which there is something new."""
-        if self._answers.strikes():
-            self.board.answer()
-            self._signals.answer()
+        self.board.answer()
+        self._signals.answer()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Container, Mapping
+from collections.abc import Callable, Container, Iterable, Mapping
 
 import viser
 
@@ -73,6 +73,7 @@ class Projector:
         self._screens: dict[int, Screen] = {}  # by the numbers of the link's visitors
         self.seen: Mapping[int, Seen] = {}
         self._framed: Course | None = None  # the course that new cameras frame
+        self._shown_at: object = None  # step of the race, and visitors, of the last call
         self._tables_beat = Beat(TABLES)
         self._slow_beat = Beat(SLOW)
 
@@ -98,7 +99,7 @@ class Projector:
             any(one.view.shows_trajectories for one in (*watching, *seen.values()))
         )
         self._joining.update(s, self._moments.of(s).timings if s.by_hand else [])
-        beats = Beats(self._tables_beat.strikes(), self._slow_beat.strikes())
+        beats = self._beats(s, visitors)
         for (number, client), one in zip(clients.items(), watching, strict=True):
             if number not in self._scenes:
                 self._scenes[number] = self._scene_of(client)
@@ -111,6 +112,13 @@ class Projector:
             self._screens[number].update(seen[number], self._shared.for_all, beats)
         self._update_pictures({number: seen[number] for number in visitors})
         self._moments.forget_others()
+
+    def _beats(self, s: Snapshot, visitors: Iterable[int]) -> Beats:
+        """Return what is due; tables also for a new visitor, and at each step of a start."""
+        now = (s.step, frozenset(visitors))
+        is_new = now != self._shown_at
+        self._shown_at = now
+        return Beats(self._tables_beat.strikes() or is_new, self._slow_beat.strikes())
 
     def _forget_others(self, clients: Container[int], visitors: Container[int]) -> None:
         """Forget the scenes and the parts of visitors who have left."""

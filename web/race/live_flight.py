@@ -19,6 +19,7 @@ from quadsim.racing.clock import PlanningClock
 from quadsim.racing.events import Event, Frame, flown_laps, lap_penalties
 from quadsim.racing.flight import simulate
 from quadsim.record.archive import RunFolder, remove_unfinished
+from quadsim.record.provenance import this_provenance
 from quadsim.record.run import INTERACTIVE, Recorder, columns_of
 from quadsim.record.schema import NumberChange
 from quadsim.web.race.competitor import Competitor, read_spec
@@ -112,7 +113,7 @@ class LiveFlight:
     def keep_in(self, root: str) -> None:
         """Claim a folder among the runs for the resulting run."""
         remove_unfinished(root)
-        self._folder = RunFolder.open(root, self.now.record)
+        self._folder = RunFolder.open(root, self.now.record, this_provenance())
         self.now = replace(self.now, limit=limit_of(self.now.record, limits_folder(root)))
 
     def advance(self) -> Frame:

@@ -52,12 +52,15 @@ class Session:
 
     Attributes:
         cockpit: receives the sticks of the flying visitor.
+        steps: called when a start has gone on by a step, such as a flight that is built, or its
+            first plan; on the thread of the race.
     """
 
     def __init__(self, root: str, take_off: TakeOff = take_off):
         self.root = root
         self.snapshot = Snapshot()
         self.cockpit = Cockpit()
+        self.steps: Callable[[], object] = lambda: None
         self._race = PageRace(root, take_off, self.cockpit, self._show)
         self._commands: queue.SimpleQueue[Callable[[], float | None]] = queue.SimpleQueue()
         self._last: Start | None = None  # None: another command came after it
@@ -99,7 +102,14 @@ class Session:
 
     def _show(self, preparing: Preparing) -> None:
         """Show what a start does, before the race begins."""
-        self.snapshot = replace(self.snapshot, preparing=preparing)
+        self._publish(replace(self.snapshot, preparing=preparing))
+
+    def _publish(self, s: Snapshot) -> None:
+        """Let others see the race as it is now."""
+        is_step = s.step != self.snapshot.step
+        self.snapshot = s
+        if is_step:
+            self.steps()
 
     def _start(self, start: Start) -> None:
         """Begin a race, on the race's thread."""
@@ -109,7 +119,7 @@ class Session:
             race = self._race.snapshot().race
         finally:
             # Whoever knows the race finds it in the snapshot.
-            self.snapshot = self._race.snapshot()
+            self._publish(self._race.snapshot())
             start.race = race
 
     def flies(self, visitor: int) -> bool:
@@ -132,7 +142,7 @@ class Session:
         wait = 0.0
         while not self._closing:
             wait = self._do(self._next(wait)) or 0.0
-            self.snapshot = self._race.snapshot()
+            self._publish(self._race.snapshot())
 
     def _next(self, wait: float) -> Callable[[], float | None]:
         """Return the next command, or a turn of the race after `wait` seconds."""

@@ -54,6 +54,11 @@ class Snapshot:
         return self.flying and not any(len(entry.t) for entry in live)
 
     @property
+    def step(self) -> tuple[int, Preparing | None, bool, bool]:
+        """The step of a start that the race has come to; a page shows each at once."""
+        return self.race, self.preparing, self.is_taking_off, self.t > 0.0
+
+    @property
     def has_flights(self) -> bool:
         """Whether the race was flown here; else it is a replay of stored runs."""
         return any(entry.live for entry in self.competitors)

@@ -7,7 +7,6 @@ from typing import Any, NamedTuple, Self
 
 from quadsim.campaign.heats.store import HeatRow, HeatStore, key_of, result_of
 from quadsim.campaign.run.attempt import (
-    this_provenance,
     use_one_thread_in_a_worker,
     with_fresh_parts,
 )
@@ -22,6 +21,7 @@ from quadsim.campaign.run.runner import (
 from quadsim.campaign.run.variants import expect_identity, expect_importable
 from quadsim.console import complain, uninterrupted
 from quadsim.heat.spec import HeatSpec
+from quadsim.record.provenance import this_provenance
 from quadsim.record.schema import StoredResult
 from quadsim.results.heat import fly_heat
 

@@ -10,11 +10,12 @@ from typing import Any
 
 import msgspec
 
-from quadsim.campaign.run.attempt import LIBRARIES, this_provenance
+from quadsim.campaign.run.attempt import LIBRARIES
 from quadsim.campaign.run.database import Database, code_of
 from quadsim.config.own import runs_own_code
 from quadsim.heat.archive import heat_key
 from quadsim.heat.spec import HeatSpec
+from quadsim.record.provenance import this_provenance
 from quadsim.record.run import canonical
 from quadsim.record.schema import StoredEvent, StoredPlacing, StoredResult
 from quadsim.results.heat import Heat

@@ -12,7 +12,6 @@ from collections.abc import Mapping
 from contextlib import closing
 from copy import deepcopy
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from hashlib import sha256
 from typing import TypedDict, TypeVar
 
@@ -20,7 +19,7 @@ from quadsim.config.build import build
 from quadsim.config.own import fault_in_flight, runs_own_code
 from quadsim.config.spec import Spec
 from quadsim.racing.flight import simulate
-from quadsim.record.provenance import provenance
+from quadsim.record.provenance import this_provenance
 from quadsim.record.run import CRASHES, ERROR, PlanTime, RecordedRun, Recorder, canonical
 from quadsim.report.metrics import chatter, motor_use
 from quadsim.report.turning_back import TurnedBack, turned_back
@@ -33,9 +32,6 @@ LIBRARIES = ("numpy", "numba", "pybullet")
 LIBRARIES_OF_PLANT = {"rotorpy": ("rotorpy", "scipy"), "crazyflow": ("crazyflow", "jax")}
 
 Flyable = TypeVar("Flyable")  # a Spec or a HeatSpec
-
-# The provenance of this process: of the code as it was loaded.
-this_provenance = lru_cache(provenance)
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,13 +13,14 @@ from typing import Any, NamedTuple, Self
 
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-from quadsim.campaign.run.attempt import LIBRARIES, Flown, attempt_key, this_provenance
+from quadsim.campaign.run.attempt import LIBRARIES, Flown, attempt_key
 from quadsim.campaign.run.database import Database, code_of
 from quadsim.campaign.run.pool import Pool, fly_all, open_pool
 from quadsim.campaign.run.store import AttemptRow, Store
 from quadsim.campaign.run.variants import Variant, expect_identities, expect_importable
 from quadsim.config.spec import Spec
 from quadsim.console import complain, progress_console, uninterrupted
+from quadsim.record.provenance import this_provenance
 from quadsim.record.run import RunError
 
 

@@ -16,6 +16,7 @@ WIDE = {"width": 1200, "height": 800}
 DRAWN = "?fixedDpr=0.2"
 # ... and at most 5 pictures a second. Else drawing a flight takes a whole core.
 FEWER_PICTURES = """() => {
+    if (window === window.top) return; // the page itself draws little
     const draw = window.requestAnimationFrame.bind(window);
     const PAUSE = 200; // [ms]
     const pending = new Set();

@@ -36,6 +36,8 @@ globalThis.document = {
   getElementById: () => frame,
   querySelector: () => loading,
 };
+const drawing = [];
+globalThis.requestAnimationFrame = (callback) => drawing.push(callback);
 globalThis.addEventListener = (type, handler) => (heard[type] = handler);
 mock.timers.enable({ apis: ["setInterval", "setTimeout", "Date"] });
 const link = await import("../../../web/page/shell/link.js");
@@ -49,9 +51,15 @@ function seconds(count, isConnected) {
   }
 }
 
-test("a document that still comes is waited for, however long it takes", () => {
+test("the scene is opened once the first answer of the server is drawn", () => {
   scene.begin();
+  seconds(2, false);
+  assert.equal(opened.length, 0);
+  while (drawing.length) drawing.pop()();
   assert.equal(opened.length, 1);
+});
+
+test("a document that still comes is waited for, however long it takes", () => {
   assert.match(opened[0], /scene\/[\w-]{24}\?darkMode=&fixedDpr=0.2$/);
   seconds(300, false);
   assert.equal(opened.length, 1);

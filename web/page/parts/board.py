@@ -77,9 +77,21 @@ class Board:
     """The present parts of the page.
 
     One thread puts parts up; the answers to pages are made on the server's event loop.
+
+    Args:
+        link: takes the questions of pages, and gives the answers.
+        seats: relate a page and its scene.
+        camera: the cameras of the scenes.
+        begins: called when a page asks for the first time.
     """
 
-    def __init__(self, link: Link, seats: Seats, camera: Camera):
+    def __init__(
+        self,
+        link: Link,
+        seats: Seats,
+        camera: Camera,
+        begins: Callable[[], object] = lambda: None,
+    ):
         self.link = link
         self._seats = seats
         self._camera = camera
@@ -90,7 +102,7 @@ class Board:
         self._offered: dict[str, tuple[Key, Content]] = {}
         self._own: dict[tuple[int, str], Own] = {}
         self._cameras: dict[int, str] = {}  # the modes that visitors have last been sent
-        self._questions = Questions(link, Ask, self._answer)
+        self._questions = Questions(link, Ask, self._answer, begins)
         link.on_leave(self._forget)
 
     def put(self, name: PartName, content: Any, visitor: int = EVERYBODY) -> None:
@@ -130,7 +142,10 @@ class Board:
         self._questions.answer()
 
     def _answer(self, visitor: LinkVisitor, ask: Ask, waited: float) -> Parts | None:
-        """Return what has changed; None: nothing, and the page has not waited for long."""
+        """Return what has changed; None: nothing, and the page has not waited for long.
+
+        A new page waits for its head, so that it has all of its parts at once.
+        """
         now = perf_counter()
         for name in ask.shows:
             self._asked_at[EVERYBODY, name] = self._asked_at[visitor.number, name] = now
@@ -142,7 +157,8 @@ class Board:
                 changed[name] = part
         client = self._seats.client_of(ask.seat)
         camera = self._camera.mode_of(client) if client else ""
-        is_new = bool(changed) or camera != self._cameras.get(visitor.number)
+        is_made = (visitor.number, "head") in self._parts
+        is_new = is_made and (bool(changed) or camera != self._cameras.get(visitor.number))
         if not is_new and waited < REST:
             return None
         self._cameras[visitor.number] = camera

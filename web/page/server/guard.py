@@ -28,7 +28,12 @@ from quadsim.web.page.server.downloads import Downloads
 from quadsim.web.page.server.link import LINK_PATH, Link
 from quadsim.web.page.server.messages import MAX_BYTES, PageConnection, is_link
 from quadsim.web.page.server.seats import SEAT, seat_in
-from quadsim.web.page.server.shell_files import POLICY, STATIC, own_response
+from quadsim.web.page.server.shell_files import (
+    POLICY,
+    STATIC,
+    document_response,
+    static_response,
+)
 from quadsim.web.page.server.viser_private import (
     ProcessRequest,
     ScenePage,
@@ -175,9 +180,11 @@ class Guard:
         download = self.downloads.response(path)
         if download is not None:
             return Answer(download)
-        own = own_response(path, request)
-        # The page's own files are asked for again, with their ETags.
-        return None if own is None else Answer(own, caching="no-cache")
+        document = document_response(path, request)
+        if document is not None:
+            return Answer(document, caching="no-cache")  # asked for again, with its ETag
+        static = static_response(path)
+        return None if static is None else Answer(static, caching=FOREVER)
 
     def _scene(self, scene: ScenePage, folder: str) -> Answer:
         """Return the document of a scene. folder: of the script, seen from the document."""

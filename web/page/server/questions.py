@@ -32,6 +32,7 @@ class Questions(Generic[Question]):
         form: class of the questions.
         answer_of: returns the answer to a visitor's question that has waited for some time [s];
             None: there is nothing new. It is called on the server's event loop.
+        begins: called there at the first question of each visitor.
     """
 
     def __init__(
@@ -39,12 +40,15 @@ class Questions(Generic[Question]):
         link: Link,
         form: type[Question],
         answer_of: Callable[[LinkVisitor, Question, float], Message | None],
+        begins: Callable[[], object] = lambda: None,
     ):
         self._link = link
         self._answer_of = answer_of
+        self._begins = begins
         self._waiting: dict[int, _Waiting[Question]] = {}  # by the visitors' numbers
+        self._asked: set[int] = set()  # the visitors that have asked before
         link.on(form, self._ask)
-        link.on_leave(lambda visitor: self._waiting.pop(visitor.number, None))
+        link.on_leave(self._forget)
 
     def answer(self) -> None:
         """Answer the questions for which there is something new. Any thread may call it."""
@@ -54,6 +58,13 @@ class Questions(Generic[Question]):
 
     def _ask(self, visitor: LinkVisitor, question: Question) -> None:
         self._waiting[visitor.number] = _Waiting(question, perf_counter())
+        if visitor.number not in self._asked:
+            self._asked.add(visitor.number)
+            self._begins()
+
+    def _forget(self, visitor: LinkVisitor) -> None:
+        self._waiting.pop(visitor.number, None)
+        self._asked.discard(visitor.number)
 
     def _answer(self, visitor: LinkVisitor) -> None:
         waiting = self._waiting.pop(visitor.number, None)

@@ -14,7 +14,7 @@ let name = "";
 let since = 0; // when the scene's document had come, or its connection was lost [ms]; 0: neither
 let patience = LOADED; // [ms] from then until the scene is opened again
 let attempts = 0; // without a connection; each is given twice the time of the one before
-let isLoaded = false; // whether the page has loaded, before which the scene does not begin to
+let isBegun = false; // whether the scene is opened, or about to be
 let wasOpen = false;
 
 export const seat = () => name;
@@ -24,13 +24,6 @@ export function begin() {
     since = name ? Date.now() : 0;
     for (const watch of watching) watch(frame.contentWindow);
   });
-  // The page is drawn before the scene, which is twenty times as large.
-  const loaded = () => {
-    isLoaded = true;
-    load();
-  };
-  if (document.readyState === "complete") loaded();
-  else addEventListener("load", loaded, { once: true });
   // After an outage viser would try every second, and give up the attempt before: a new seat connects at once.
   on("open", () => {
     // What the visitor watched, and the flight that it began, are kept under the seat before.
@@ -59,8 +52,11 @@ function keptSeat() {
   }
 }
 
-// The server says whether the scene has its connection. A document that still comes is waited for.
+// The server says whether the scene has its connection. A document that still comes is waited for. The scene is opened
+// once the first answer is drawn, as it keeps the browser busy for half a second and more.
 export function heardOf(isConnected) {
+  if (!isBegun) requestAnimationFrame(() => requestAnimationFrame(() => name || load()));
+  isBegun = true;
   loading.hidden = isConnected;
   if (isConnected) [since, patience, attempts] = [0, LOST, 0];
   else if (!since && patience === LOST) since = Date.now();
@@ -69,7 +65,6 @@ export function heardOf(isConnected) {
 
 // Open the scene at a new seat.
 function load() {
-  if (!isLoaded) return;
   [since, patience] = [0, LOADED * 2 ** attempts++];
   const given = new URLSearchParams(location.search);
   const asked = new URLSearchParams({ darkMode: "" });
