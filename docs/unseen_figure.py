@@ -65,7 +65,8 @@ def main() -> None:
 
 def flights(seed: int, sampler: str) -> list[Flight]:
     """Return the flights of the courses whose limit is known."""
-    limits = {row["course"]: float(row["limit"]) for row in rows(f"{seed}_limits.csv")}
+    found = rows(f"{seed}_limits.csv")
+    limits = {row["course"]: float(row["limit"]) for row in found if float(row["limit"])}
     return [
         Flight(
             opening=float(row["opening"]),
