@@ -2,13 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 from quadsim.controllers.excitation import EXCITE
 from quadsim.physics.link import WIRE, LinkConfig
 from quadsim.racing.hand import HAND
-from quadsim.record.run import CRASHES, ERROR, INTERACTIVE, RecordedRun, has_planner, own_parts
+from quadsim.record.run import (
+    CRASHES,
+    ERROR,
+    INTERACTIVE,
+    LearnedDelay,
+    LearnedRotor,
+    RecordedRun,
+    has_planner,
+    own_parts,
+)
 from quadsim.report.estimate_metrics import lost_estimate
 from quadsim.report.given_state import given_state
 from quadsim.report.preset_changes import preset_changes
@@ -85,14 +94,19 @@ def lap_times(run: RecordedRun) -> str:
 
 
 def learned_text(run: RecordedRun) -> str:
-    """Return what was found of rotors and delay in flight, as text; "" if nothing was."""
+    """Return what was found of rotors and delay by the end of a flight; "" if nothing was."""
+    return learned_so_far(run.learned, run.learned_delay)
+
+
+def learned_so_far(rotors: Sequence[LearnedRotor], delay: LearnedDelay | None) -> str:
+    """Return what is found of rotors and delay in flight, as text; "" if nothing is."""
     found = [
         f"rotor {rotor} at {100.0 * share:.0f} %, from {since:.1f} s"
-        for rotor, share, since in run.learned
+        for rotor, share, since in rotors
     ]
-    if run.learned_delay:
-        delay, since = run.learned_delay
-        found.append(f"commands {1e3 * delay:.0f} ms late, from {since:.1f} s")
+    if delay:
+        late, since = delay
+        found.append(f"commands {1e3 * late:.0f} ms late, from {since:.1f} s")
     return ", ".join(found)
 
 
