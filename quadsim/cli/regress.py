@@ -23,6 +23,7 @@ from quadsim.campaign.flights.baseline import (
     load_baseline,
     worst_seed,
 )
+from quadsim.campaign.run.commits import short
 from quadsim.campaign.run.pool import open_pool
 from quadsim.campaign.run.variants import Variant
 from quadsim.cli.campaigns import Jobs, Scheduler
@@ -40,7 +41,7 @@ COLUMNS: dict[str, Callable[[Verdict], str]] = {
     "worse by": lambda v: f"{100 * v.worse:+.2f} %",
     "at most (95 %)": lambda v: f"{100 * v.bound:+.2f} %",
     "allowed": lambda v: f"{100 * v.effect:.3g} %",
-    "false alarms <": lambda v: f"{100 * v.unchanged_fails:.2g} %",
+    "false alarms <=": lambda v: f"{100 * v.unchanged_fails:.3g} %",
 }
 
 
@@ -185,7 +186,7 @@ def _print(found: Found, settings: Settings) -> None:
     emit(f"new: {len(finished)}/{len(found.now.laps)} finished{lap}")
     # What an unchanged racer will be told, before a change is tested with too few attempts
     alarms = [
-        f"{verdict.name} < {100 * verdict.unchanged_fails:.2g} %"
+        f"{verdict.name} <= {100 * verdict.unchanged_fails:.3g} %"
         for verdict in judge(found.now, found.now, baseline.effects)
     ]
     emit(f"false alarms with {baseline.attempts} attempts: {', '.join(alarms)}", "")
@@ -195,7 +196,7 @@ def _advice(found: Found) -> Iterator[str]:
     """Yield both commits, and for a worse racer its worst seed with the command that flies it."""
     then = found.baseline.stored
     if then:
-        yield f"then {then.commit}, now {found.now.commit}"
+        yield f"commits: then {short(then.commit)}, now {short(found.now.commit)}"
     worst = found.worst
     if not found.is_worse or worst is None:
         return

@@ -20,6 +20,7 @@ from quadsim.campaign.flights.baseline import (
     load_baseline,
     worst_seed,
 )
+from quadsim.campaign.run.commits import short
 from quadsim.campaign.run.pool import Pool, Processes
 from quadsim.cli.cli import race
 from tests.campaign_cases import SETTINGS
@@ -207,7 +208,7 @@ def test_regen_prints_the_difference_and_stores_it(tmp_path, capsys, monkeypatch
     assert race(["regress", str(path), "--regen"]) == 0
     stored = load_baseline(path).stored
     assert stored.laps == (None,) * 4
-    assert "false alarms with 4 attempts: success < " in capsys.readouterr().out
+    assert "false alarms with 4 attempts: success <= " in capsys.readouterr().out
     better = StoredNumbers("old", "", (9.0,) * 4, stored.thrust_tv)
     path.write_text(baseline_text(load_baseline(path), better))
     capsys.readouterr()
@@ -216,7 +217,7 @@ def test_regen_prints_the_difference_and_stores_it(tmp_path, capsys, monkeypatch
     assert "+100.00 %" in out, "all finished then, none does now"
     assert "success WORSE" in out
     lines = out.splitlines()
-    assert f"then old, now {stored.commit}" in lines
+    assert f"commits: then old, now {short(stored.commit)}" in lines
     place = lines.index("worst seed 0: then 9.000 s, now not finished")
     assert lines[place + 1].startswith("race fly paper_flat ")
     assert load_baseline(path).stored == stored
