@@ -256,12 +256,12 @@ def _warnings(s: Snapshot, timings: Sequence[LapTiming]) -> list[str]:
         remark = not_comparable(timing.entry.record)
         if remark:
             found.append(f"{timing.entry.name}: {remark}")
-    for timing in timings:
-        learned = learned_so_far(*learned_by(timing.entry.x, timing.i))
-        if learned:
-            found.append(f"{timing.entry.name} learned in flight: {learned}")
     for timing in order(timings):
         above = above_limit(timing.entry) if timing.over else ""
         if above:
             found.append(f"{timing.entry.name} {above}")
+    for timing in timings:
+        learned = learned_so_far(*learned_by(timing.entry.x, timing.i))
+        if learned:
+            found.append(f"{timing.entry.name} learned in flight: {learned}")
     return found
