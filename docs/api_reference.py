@@ -21,7 +21,7 @@ TITLE = re.compile(r"^# (.*)$", re.MULTILINE)
 PERIOD = re.compile(r"(?<!\bal)\.(?= |$)")
 # The heading of an entry, and the name in it
 HEADING = re.compile(
-    r'(?P<start><h3 id="(?P<path>quadsim\.[\w.]+)" class="doc doc-heading">.*?)'
+    r'(?P<start><h2 id="(?P<path>quadsim\.[\w.]+)" class="doc doc-heading">.*?)'
     r'(?P<name><span class="doc doc-object-name)',
     re.DOTALL,
 )
@@ -112,7 +112,7 @@ def with_public_names(page_html: str, section: Section) -> str:
     named, count = HEADING.subn(heading, page_html)
     if count != len(section.entries):
         raise ValueError(
-            f"{section.address}: expected a heading <h3> for each of {len(section.entries)} "
+            f"{section.address}: expected a heading <h2> for each of {len(section.entries)} "
             f"entries, found {count}"
         )
     return named

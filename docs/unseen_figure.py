@@ -3,7 +3,7 @@
 .venv/bin/python docs/unseen_figure.py
 
 It draws the rows of docs/results/unseen/, which docs/results/unseen.py has written, and prints the
-numbers of the table beside it.
+rows of the table beside it.
 """
 
 from __future__ import annotations
@@ -18,8 +18,7 @@ from shared import DOCS, save, use_style
 from quadsim.figures.style import line
 from quadsim.palette import style
 
-SEEDS = (7741, 7742)  # of the courses
-SHOWN = 7742
+SEED = 7742  # of the courses
 SAMPLERS = ("colored", "gaussian")
 MOST = 60.0  # the largest difference that is drawn [%]
 
@@ -36,7 +35,7 @@ def main() -> None:
     use_style()
     figure, (share, size) = plt.subplots(1, 2, figsize=(9.0, 3.2))
     for sampler in SAMPLERS:
-        found = flights(SHOWN, sampler)
+        found = flights(sampler)
         above = np.sort([flight.above for flight in found])
         part = 100.0 * np.arange(1, len(above) + 1) / len(above)
         share.step(above, part, where="post", label=sampler, **line(style(sampler)))
@@ -53,19 +52,21 @@ def main() -> None:
     size.set(ylim=(0, MOST), xlabel="opening of the gates [m]", ylabel="above the limit [%]")
     share.legend()
     save(figure, "unseen.png")
-    for seed in SEEDS:
-        for sampler in SAMPLERS:
-            above = np.array([flight.above for flight in flights(seed, sampler)])
-            low, median, high = np.percentile(above, (25, 50, 75), method="lower")
-            print(
-                f"| {seed} | {sampler} | {np.isfinite(above).sum()} of {len(above)} |"
-                f" {median:.1f} % | {low:.1f} to {high:.1f} % |"
-            )
+    for sampler in SAMPLERS:
+        flown = [row for row in rows("flights") if row["variant"] == sampler]
+        finished = sum(row["outcome"] == "finished" for row in flown)
+        above = np.array([flight.above for flight in flights(sampler)])
+        low, median, high = np.percentile(above, (25, 50, 75), method="lower")
+        print(
+            f"| {sampler} | {finished} of {len(flown)} | {len(above)} |"
+            f" {median:.1f} % | {low:.1f} to {high:.1f} % |"
+        )
 
 
-def flights(seed: int, sampler: str) -> list[Flight]:
+def flights(sampler: str) -> list[Flight]:
     """Return the flights of the courses whose limit is known."""
-    limits = {row["course"]: float(row["limit"]) for row in rows(f"{seed}_limits.csv")}
+    found = rows("limits")
+    limits = {row["course"]: float(row["limit"]) for row in found if float(row["limit"])}
     return [
         Flight(
             opening=float(row["opening"]),
@@ -73,14 +74,14 @@ def flights(seed: int, sampler: str) -> list[Flight]:
             if row["outcome"] == "finished"
             else np.inf,
         )
-        for row in rows(f"{seed}_flights.csv")
+        for row in rows("flights")
         if row["variant"] == sampler and row["course"] in limits
     ]
 
 
-def rows(name: str) -> list[dict[str, str]]:
-    """Return the rows of a file in docs/results/unseen/."""
-    with (DOCS / "results" / "unseen" / name).open(newline="") as file:
+def rows(what: str) -> list[dict[str, str]]:
+    """Return the rows of the flights or of the limits."""
+    with (DOCS / "results" / "unseen" / f"{SEED}_{what}.csv").open(newline="") as file:
         return list(csv.DictReader(file))
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from rich.markup import escape
-from rich.progress import BarColumn, TextColumn
+from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
 from rich.progress import Progress as Bar
 from rich.table import Table
 
@@ -256,7 +256,7 @@ def _gains_table(found: Tuned) -> Table:
 def _progress(quiet: bool) -> Iterator[Callable[[str, float], None]]:
     """Show progress; yield the function that sets its text and share.
 
-    It is a line that moves on a terminal, and elsewhere a line for each step.
+    It is a line with the passed time on a terminal, and elsewhere a line for each step.
     """
     console = progress_console()
     if quiet:
@@ -265,7 +265,7 @@ def _progress(quiet: bool) -> Iterator[Callable[[str, float], None]]:
     if not console.is_terminal:
         yield _Steps()
         return
-    columns = (TextColumn("{task.description}"), BarColumn(24))
+    columns = (TextColumn("{task.description}"), BarColumn(24), TimeElapsedColumn())
     with Bar(*columns, console=console, transient=True) as bar:
         task = bar.add_task("", total=1.0)
         yield lambda what, share: bar.update(task, description=what, completed=share)

@@ -327,11 +327,13 @@ def fitted_vehicle(
     response = None if "rotors.motor_tau" in told else base.rotors.motor_response
     # So would a rate loop with a lead.
     lead = NO_LEAD if "rate_tau.x" in told else base.rate_lead
+    jx, jy, jz = (value(f"inertia.{axis}") for axis in "xyz")
     return base.but(
         name=name,
         source=f"fitted from logs by quadsim; what they do not tell: {base.name}",
         mass=value("mass"),
-        inertia=[value(f"inertia.{axis}") for axis in "xyz"],
+        # A flat body has jz = jx + jy, the most of any body, which rounding must not exceed.
+        inertia=[jx, jy, min(jz, jx + jy)],
         rate_tau=[value(f"rate_tau.{axis}") for axis in "xyz"],
         rate_lead=lead,
         drag=[max(value(f"drag.{axis}"), 0.0) for axis in "xyz"],

@@ -11,10 +11,14 @@ from quadsim.identify import fit_vehicle
 from quadsim.identify.numbers import FitNumbers
 from quadsim.identify.plausible import expect_plausible
 from quadsim.identify.stages import is_rotor
+from quadsim.identify.to_vehicle import FittedNumber, FoundNumbers, fitted_vehicle
 from quadsim.vehicle import load_vehicle, parse_vehicle
 from tests.identify.fit_cases import LATE, TRUE, flight, noisy
 
 OTHER = load_vehicle("swift")
+# Moments of a flat body, jz = jx + jy, which are not one's after each was rounded to five digits
+FLAT = (0.002728745, 0.0009463649, 0.0036751099)
+THRUST_MAP = tuple(f"rotors.thrust_map.{c}" for c in ("c2", "c1", "c0"))
 
 
 def fitted(log, **settings):
@@ -179,6 +183,36 @@ def test_a_vehicle_that_cannot_be_is_refused():
     with pytest.raises(SettingError, match="thrust-to-weight ratio of 5"):
         expect_plausible(strong)
     expect_plausible(OTHER)
+
+
+def test_a_flat_body_is_possible_after_its_inertia_is_rounded():
+    rotors = OTHER.rotors
+    told = {
+        **{f"inertia.{axis}": j for axis, j in zip("xyz", FLAT, strict=True)},
+        **{f"rate_tau.{axis}": tau for axis, tau in zip("xyz", OTHER.rate_tau, strict=True)},
+        **{f"drag.{axis}": drag for axis, drag in zip("xyz", OTHER.drag, strict=True)},
+        **dict(zip(THRUST_MAP, rotors.thrust_map, strict=True)),
+        "rotors.motor_tau": rotors.motor_tau,
+        "rotors.kappa": rotors.kappa,
+        "thrust_max": OTHER.thrust_max,
+        "mass": OTHER.mass,
+        "latency": 0.0,
+    }
+    numbers = tuple(FittedNumber(key, "", j, j, j, "prior") for key, j in told.items())
+    zeros = FitNumbers(*np.zeros(len(FitNumbers._fields)))
+    found = FoundNumbers(
+        numbers=zeros,
+        covariance=np.zeros((0, 0)),
+        searched=(),
+        untold=(),
+        drive="motor_commands",
+        dt=0.005,
+        lowest=0.1,
+        speed_scale=None,
+        loop=None,
+    )
+    jx, jy, jz = fitted_vehicle("mine", found, numbers, OTHER).inertia
+    assert jz == jx + jy
 
 
 @pytest.mark.parametrize(
