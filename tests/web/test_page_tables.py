@@ -171,9 +171,11 @@ def test_alone_nobody_leads(competitors):
 def test_a_flight_that_finished_says_how_far_above_the_best_known_limit(competitors):
     entry = competitor()
     limit = limit_of(entry.record)
-    above = f"{100 * (sum(entry.laps) / limit.time - 1):.1f} % above"
+    above = f"{entry.name} {100 * (sum(entry.laps) / limit.time - 1):.1f} %"
     for shown in ([entry], [competitors[0], entry]):  # also as the second run
-        assert above in shown_at(shown, 99.0)
+        (told,) = head_at(shown, 99.0).warnings  # the limit once
+        assert told.startswith(f"above the best known limit of {limit.time:.3f} s: ")
+        assert above in told
         assert above not in shown_at(shown, 0.5)
     assert "above" not in shown_at([ended(entry, "timeout")], 99.0)
 

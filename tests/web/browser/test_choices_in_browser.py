@@ -26,7 +26,7 @@ pytestmark = [pytest.mark.browser, pytest.mark.page]
 def gates_drawn(page):
     """Each has four bars."""
     script = """() => {
-        const gates = window.__viserMutable.nodeRefFromName["/course/gates"];
+        const gates = window.__viserMutable?.nodeRefFromName["/course/gates"];
         let bars = 0;
         gates?.traverse(node => { bars = node.instancesCount ?? bars });
         return bars / 4 }"""

@@ -12,7 +12,7 @@ from quadsim.palette import HIT_ON_DARK, styles_on_dark
 from quadsim.report.run_text import learned_so_far, not_comparable
 from quadsim.web.page.parts.elements import Element, rounded
 from quadsim.web.page.parts.flight_result import Result, result
-from quadsim.web.page.parts.timing import above_limit
+from quadsim.web.page.parts.timing import above_limits
 from quadsim.web.race.lap_timing import LapTiming, order
 from quadsim.web.race.learned import learned_by
 from quadsim.web.race.snapshot import Snapshot
@@ -256,12 +256,9 @@ def _warnings(s: Snapshot, timings: Sequence[LapTiming]) -> list[str]:
         remark = not_comparable(timing.entry.record)
         if remark:
             found.append(f"{timing.entry.name}: {remark}")
+    found += above_limits([timing.entry for timing in order(timings) if timing.over])
     for timing in timings:
         learned = learned_so_far(*learned_by(timing.entry.x, timing.i))
         if learned:
             found.append(f"{timing.entry.name} learned in flight: {learned}")
-    for timing in order(timings):
-        above = above_limit(timing.entry) if timing.over else ""
-        if above:
-            found.append(f"{timing.entry.name} {above}")
     return found

@@ -44,12 +44,18 @@ def share_above_limit(entry: Competitor) -> float | None:
     return rounded(100.0 * entry.limit.above(sum(entry.laps)), 1)
 
 
-def above_limit(entry: Competitor) -> str:
-    """Return this excess as text; empty if there is none."""
-    share = share_above_limit(entry)
-    if share is None or entry.limit is None:
-        return ""
-    return f"{share:.1f} % above the best known limit of {entry.limit.time:.3f} s"
+def above_limits(entries: Sequence[Competitor]) -> list[str]:
+    """Return these excesses as text, together for flights with the same limit."""
+    found: dict[str, list[str]] = {}
+    for entry in entries:
+        share = share_above_limit(entry)
+        if share is not None and entry.limit is not None:
+            excess = f"{entry.name} {share:.1f} %"
+            found.setdefault(f"{entry.limit.time:.3f}", []).append(excess)
+    return [
+        f"above the best known limit of {time} s: {', '.join(excesses)}"
+        for time, excesses in found.items()
+    ]
 
 
 class Happening(NamedTuple):

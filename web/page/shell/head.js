@@ -39,6 +39,7 @@ function draw(head) {
     part("warnings"),
     head.warnings.map((text) => ({ text })),
   );
+  part("warnings").title = head.warnings.join(" · ");
   editing.replaceChildren(...(head.more ? [grown(head.more)] : []));
   editing.hidden = !head.more;
 }
