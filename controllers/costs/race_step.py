@@ -56,7 +56,7 @@ def in_gate(p, gate):
 
 
 def is_beside(place, gate):
-    """Return whether a position is beside the frame of a gate, or on from there.
+    """Return whether a position is outside a gate's opening, beside the frame or behind it.
 
     Args:
         place: InGate.

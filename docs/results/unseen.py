@@ -18,6 +18,7 @@ import argparse
 import csv
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -26,6 +27,7 @@ import numpy as np
 import quadsim
 from quadsim import Run
 from quadsim.course import Course, parse_course
+from quadsim.files.extras import needs_extra
 from quadsim.files.strict_yaml import FileError
 from quadsim.limit.limits import LimitProblem
 from quadsim.value import value_of_course
@@ -316,6 +318,8 @@ def main() -> int:
     unknown = [variant for variant in variants if variant not in VARIANTS]
     if unknown:
         parser.error(f"--variants {unknown[0]}: expected some of {', '.join(VARIANTS)}")
+    if given.limits and find_spec("casadi") is None:
+        parser.error(f"--limits: {needs_extra('casadi', 'limit')}")
     given.out.mkdir(parents=True, exist_ok=True)
     flights, limits = given.out / "flights.csv", given.out / "limits.csv"
     flown = {(row["course"], row["variant"]) for row in rows_of(flights)}

@@ -9,7 +9,7 @@ not change a flight (threads, folders); `interactive`, the changes made in fligh
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from hashlib import sha256
@@ -87,6 +87,39 @@ class LearnedDelay(NamedTuple):
     # [s]
     delay: float
     since: float
+
+
+class Learned(NamedTuple):
+    """The rotors that are found to be weak or strong, and a delay of the commands, if any."""
+
+    rotors: tuple[LearnedRotor, ...] = ()
+    delay: LearnedDelay | None = None
+
+
+def learned_by(telemetry: Mapping[str, np.ndarray], frame: int) -> Learned:
+    """Return what a flight has learned of its vehicle by a frame.
+
+    Args:
+        telemetry: columns of the flight, or of its beginning.  (frames,)
+        frame: index of the frame.
+    """
+    rotors = []
+    for rotor, name in enumerate(SHARES, 1):
+        shares = telemetry[name][: frame + 1]
+        is_notable = np.abs(shares - 1.0) >= NOTABLE
+        if is_notable[-1]:
+            since = _since(is_notable, telemetry["t"])
+            rotors.append(LearnedRotor(rotor, float(shares[-1]), since))
+    delays = telemetry["delay"][: frame + 1]
+    delay = float(delays[-1])
+    late = LearnedDelay(delay, _since(delays == delay, telemetry["t"])) if delay else None
+    return Learned(tuple(rotors), late)
+
+
+def _since(holds: np.ndarray, t: np.ndarray) -> float:
+    """Return the time [s] from which a condition has held, which holds at the last frame."""
+    others = np.flatnonzero(~holds)
+    return float(t[others[-1] + 1 if len(others) else 0])
 
 
 class RunError(Exception):
@@ -334,9 +367,6 @@ class Recorder:
         self._frames = 0
         self._snapshots: list[tuple[int, PlannerSnapshot]] = []
         self._kept: list[Kept] = []
-        # Rotor -> time from which its share has been a notable one [s]
-        self._notable: dict[int, float] = {}
-        self._delay: LearnedDelay | None = None
 
     def add(self, frame: Frame) -> None:
         """Add the next frame of the flight."""
@@ -344,14 +374,6 @@ class Recorder:
             self._snapshots.append((len(self), frame.snapshot))
         if frame.kept:
             self._kept.append(frame.kept)
-        for rotor, share in enumerate(frame.rotor_shares, 1):
-            if abs(share - 1.0) >= NOTABLE:
-                self._notable.setdefault(rotor, frame.t)
-            else:
-                self._notable.pop(rotor, None)
-        delay = frame.learned_delay
-        if delay != (self._delay.delay if self._delay else 0.0):
-            self._delay = LearnedDelay(delay, frame.t) if delay else None
         row = (
             frame.t,
             *frame.x,
@@ -413,6 +435,7 @@ class Recorder:
             name: column.astype(int if name in COUNTS else float)
             for name, column in self.views(columns_of(spec)).items()
         }
+        learned = learned_by(telemetry, len(self) - 1) if len(self) else Learned()
         return RecordedRun(
             spec=spec,
             telemetry=telemetry,
@@ -421,15 +444,9 @@ class Recorder:
             wall=self._wall(telemetry["plan_ms"]),
             snapshots=PlannerSnapshots.of(self._snapshots),
             measurements=kept_arrays(self._kept) if self._kept else None,
-            learned=tuple(self._learned()),
-            learned_delay=self._delay,
+            learned=learned.rotors,
+            learned_delay=learned.delay,
         )
-
-    def _learned(self) -> Iterator[LearnedRotor]:
-        """Yield the rotors whose estimated final thrust differs notably from the nominal one."""
-        for rotor, since in sorted(self._notable.items()):
-            assert self.last
-            yield LearnedRotor(rotor, self.last.rotor_shares[rotor - 1], since)
 
     def _wall(self, plan_ms: np.ndarray) -> dict:
         """Return planning times [ms] and the simulated seconds per second of wall clock."""

@@ -4,10 +4,9 @@ from dataclasses import replace
 
 from web_cases import competitor
 
-from quadsim.record.run import RecordedRun
+from quadsim.record.run import RecordedRun, learned_by
 from quadsim.web.page.parts.head import Head, head_of
 from quadsim.web.race.lap_timing import lap_timings
-from quadsim.web.race.learned import learned_by
 from quadsim.web.race.snapshot import Snapshot
 from tests.run_cases import SPEC, frame
 

@@ -9,12 +9,12 @@ from typing import Literal, NamedTuple
 import msgspec
 
 from quadsim.palette import HIT_ON_DARK, styles_on_dark
+from quadsim.record.run import learned_by
 from quadsim.report.run_text import learned_so_far, not_comparable
 from quadsim.web.page.parts.elements import Element, rounded
 from quadsim.web.page.parts.flight_result import Result, result
 from quadsim.web.page.parts.timing import above_limits
 from quadsim.web.race.lap_timing import LapTiming, order
-from quadsim.web.race.learned import learned_by
 from quadsim.web.race.snapshot import Snapshot
 from quadsim.web.race.standings import standings_at
 from quadsim.web.state.differences import compared
