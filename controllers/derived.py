@@ -27,15 +27,20 @@ from quadsim.vehicle import GRAVITY, Vehicle
 
 # The presets whose numbers are derived
 DERIVED = ("race",)
-# Ratio of the horizon to the time scale. With it lsy_track has the 1 s that were tuned there.
+# Ratio of the sight to the time scale. With it lsy_track has the 1 s that were tuned there.
 HORIZON = 3.3
-# The longest horizon [s], which is the horizon of the reference. The samples of a longer one would
+# The longest sight [s], which is the sight of the reference. The samples of a longer one would
 # spread over a future that changes anyway.
 LONGEST = 1.5
-# The reference's control period [s], and the number of them in its horizon
+# The longest horizon with the term time_to_go [s], which supplies what comes after it
+LONGEST_WITH_VALUE = 1.0
+# The control period from which on the horizon is as long with the term as without it [s]: it has
+# few steps anyway, and by camera at 40 Hz flights with the shorter one crashed.
+SLOW_PERIOD = 0.02
+# The reference's control period [s], and the number of them in its sight
 REFERENCE_PERIOD = 0.01
 REFERENCE_STEPS = 150
-# The horizon is a multiple of this [s]: each horizon has compiled loops of its own.
+# The sight is a multiple of this [s]: each horizon has compiled loops of its own.
 GRID = 0.5
 # The smallest margin, in radii of the vehicle: errors of a flight do not shrink with an opening
 MARGIN_RADII = 0.8
@@ -98,9 +103,20 @@ class Scale(NamedTuple):
     period: float
     # whether gates stand off the map and are known only from nearby
     seen_late: bool = False
+    # whether the term time_to_go may be used
+    may_value: bool = True
+    # whether there are obstacles beside the gates
+    has_obstacles: bool = False
 
     @classmethod
-    def of(cls, course: Course, vehicle: Vehicle, period: float, seen_late: bool = False) -> Scale:
+    def of(
+        cls,
+        course: Course,
+        vehicle: Vehicle,
+        period: float,
+        seen_late: bool = False,
+        may_value: bool = True,
+    ) -> Scale:
         """Return the scale of a flight.
 
         Args:
@@ -108,6 +124,7 @@ class Scale(NamedTuple):
             vehicle: the vehicle.
             period: control period [s].
             seen_late: whether gates are displaced from the map and their true positions seen late.
+            may_value: whether the term `time_to_go` may be used; False: its weight was given as 0.
         """
         model = ModelParams.of(vehicle)
         rooms = [
@@ -128,12 +145,28 @@ class Scale(NamedTuple):
             yaw_limit=model.rate_max[2] / model.rate_max[0],
             period=period,
             seen_late=seen_late,
+            may_value=may_value,
+            has_obstacles=bool(course.obstacles),
         )
 
     @property
     def time(self) -> float:
         """The time scale, the square root of a leg's length over the full acceleration [s]."""
         return sqrt(self.leg / self.acceleration)
+
+    @property
+    def has_value(self) -> bool:
+        """Whether the planner has the term `time_to_go`.
+
+        The point mass of the term knows neither attitude nor obstacles. In front of a narrow
+        opening its way is one that the vehicle cannot fly.
+        """
+        return self.may_value and self.narrowness == 1.0 and not self.has_obstacles
+
+    @property
+    def is_shortened(self) -> bool:
+        """Whether the horizon is shorter than the sight, as `time_to_go` supplies the rest."""
+        return self.has_value and self.period < SLOW_PERIOD
 
     @property
     def narrowness(self) -> float:
@@ -165,6 +198,7 @@ def derived(reference: Planner, scale: Scale) -> Planner:
     mppi = replace(
         reference.mppi,
         horizon=round(horizon(scale).value / reference.mppi.dt),
+        longer_steps=longer_steps(reference.mppi.longer_steps, scale).value,
         samples=samples(reference.mppi.samples, scale).value,
     )
     cost = replace(
@@ -172,6 +206,7 @@ def derived(reference: Planner, scale: Scale) -> Planner:
         margin=margin(reference.cost.margin, scale).value,
         margin_share=margin_share(reference.cost.margin_share, scale).value,
         clearance=clearance(reference.cost, scale).value,
+        time_to_go=time_to_go(reference.cost.time_to_go, scale).value,
     )
     planner = replace(
         reference,
@@ -183,47 +218,80 @@ def derived(reference: Planner, scale: Scale) -> Planner:
     return with_sight(planner) if scale.seen_late else planner
 
 
-def horizon_law(scale: Scale) -> float:
-    """Return the horizon as a multiple of the time scale [s].
+def sight_law(scale: Scale) -> float:
+    """Return the sight as a multiple of the time scale [s].
 
-    A plan has to brake or turn for the gate after the next one, which takes a time in proportion to
-    the time scale. A very narrow opening is approached at less than full acceleration.
+    The sight is the time ahead that decides the next controls. A racer has to brake or turn for the
+    gate after the next one, which takes a time in proportion to the time scale. A very narrow
+    opening is approached at less than full acceleration.
     """
     return HORIZON * scale.time * sqrt(max(scale.narrowness / VERY_NARROW, 1.0))
 
 
+def sight(scale: Scale) -> float:
+    """Return the sight of a flight [s], by the law, within limits and on a grid of values."""
+    return GRID * max(round(min(sight_law(scale), LONGEST) / GRID), 1)
+
+
 def horizon(scale: Scale) -> Law:
-    """Return the horizon of a flight [s], by the law, within limits and on a grid of values."""
-    wanted = horizon_law(scale)
-    seconds = GRID * max(round(min(wanted, LONGEST) / GRID), 1)
+    """Return the horizon of a flight [s]: its sight, or less with the term `time_to_go`."""
+    seconds = sight(scale)
     root = f"leg {scale.leg:.3g} m / {scale.acceleration:.3g} m/s^2"
     if scale.narrowness > VERY_NARROW:
         root = f"{scale.narrowness_text} / {VERY_NARROW:g} {root}"
     limits = f"at most {LONGEST:g} s, to {GRID:g} s: {seconds:g} s"
-    return Law(seconds, f"{HORIZON:g} sqrt({root}) = {wanted:.3g} s, {limits}")
+    if scale.is_shortened:
+        seconds = min(seconds, LONGEST_WITH_VALUE)
+        limits += f"; at most {LONGEST_WITH_VALUE:g} s with time_to_go"
+    return Law(seconds, f"{HORIZON:g} sqrt({root}) = {sight_law(scale):.3g} s, {limits}")
+
+
+def longer_steps(reference: float | None, scale: Scale) -> Law:
+    """Return the time ahead after which steps are longer [s]; None: they are control periods."""
+    if scale.is_shortened:
+        return Law(reference, "as in the preset, with time_to_go and a short control period")
+    return Law(
+        None, f"none without time_to_go or with a control period of {SLOW_PERIOD:g} s and more"
+    )
+
+
+def time_to_go(reference: float, scale: Scale) -> Law:
+    """Return the weight of the term `time_to_go`.
+
+    It is 0 where the point mass flies a way that the vehicle cannot, see `Scale.has_value`.
+    """
+    reasons = {
+        "the weight was given as 0": not scale.may_value,
+        "there are obstacles": scale.has_obstacles,
+        f"openings are narrow: {scale.narrowness_text} > 1": scale.narrowness > 1.0,
+    }
+    found = [reason for reason, holds in reasons.items() if holds]
+    if found:
+        return Law(0.0, f"0, as {found[0]}")
+    return Law(reference, f"{reference:g}, as no opening is narrow and there are no obstacles")
 
 
 def steps_of(scale: Scale) -> int:
-    """Return the number of control steps in the horizon of a flight."""
-    return round(horizon(scale).value / scale.period)
+    """Return the number of control periods in the sight of a flight."""
+    return round(sight(scale) / scale.period)
 
 
 def stretch(scale: Scale) -> float:
-    """Return the ratio of the reference's horizon to the flight's, by which rates are scaled."""
-    return LONGEST / horizon(scale).value
+    """Return the ratio of the reference's sight to the flight's, by which rates are scaled."""
+    return LONGEST / sight(scale)
 
 
 def stretch_text(scale: Scale) -> str:
     """Return the ratio of `stretch` as text for a formula."""
-    return f"{LONGEST:g} s / horizon {horizon(scale).value:g} s"
+    return f"{LONGEST:g} s / sight {sight(scale):g} s"
 
 
 def sampling(reference: Sampling, scale: Scale) -> Any:
     """Return the reference's sampler with its noise scaled for a flight.
 
-    Body rates are scaled by the inverse of the horizon, so that samples turn by the same angles.
+    Body rates are scaled by the inverse of the sight, so that samples turn by the same angles.
     Thrust is an acceleration, which similar flights share. The cut-off is a fixed number of periods
-    within the horizon. The noise keeps its density at the low frequencies, which move the vehicle,
+    within the sight. The noise keeps its density at the low frequencies, which move the vehicle,
     so that the control period does not change the samples there.
     """
     kind: Any = reference
@@ -279,12 +347,12 @@ def yaw_factor(sigma: Sequence[float], scale: Scale) -> float:
 def density(gamma: float, steps: int) -> float:
     """Return the factor on sigma that keeps the density of the noise at low frequencies.
 
-    sigma^2 is spread over all frequencies of the horizon. A horizon with fewer steps has fewer
+    sigma^2 is spread over all frequencies of the sight. A sight of fewer steps has fewer
     frequencies, and with the same sigma each of them would have more power.
 
     Args:
         gamma: exponent of the power spectral density, 0 for white noise.
-        steps: number of control steps in the horizon.
+        steps: number of control periods in the sight.
     """
     least, flown = REFERENCE_STEPS, max(steps, 2)
     return spectrum(2 * least, gamma, "exact")[1] / spectrum(2 * flown, gamma, "exact")[1]
@@ -317,7 +385,7 @@ def samples(reference: int, scale: Scale) -> Law:
     Samples turn by the same angles, so they spread in proportion to a leg, and more of them hit a
     frame that is large in comparison. The number grows with the square of this ratio, with the
     square of the narrowness, as an opening has a width and a height, and with the time of a control
-    period per step of the horizon.
+    period per step of the sight.
     """
     steps = max(steps_of(scale), 1)
     crowded = max(scale.frame / scale.leg / FRAME_SHARE, 1.0) ** 2
@@ -394,6 +462,7 @@ def derivation(reference: Planner, scale: Scale) -> list[DerivedNumber]:
     assert isinstance(usual, RaceWeights)
     texts = {
         "horizon": horizon(scale).text,
+        "longer_steps": longer_steps(reference.mppi.longer_steps, scale).text,
         "samples": samples(reference.mppi.samples, scale).text,
         "sigma": sigma_text(reference.sampling, scale),
     }
@@ -403,6 +472,7 @@ def derivation(reference: Planner, scale: Scale) -> list[DerivedNumber]:
         "margin": margin(usual.margin, scale).text,
         "margin_share": margin_share(usual.margin_share, scale).text,
         "clearance": clearance(usual, scale).text,
+        "time_to_go": time_to_go(usual.time_to_go, scale).text,
     }
     if scale.seen_late:
         late = "gates stand off the map and are known only from nearby"

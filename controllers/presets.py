@@ -63,11 +63,12 @@ _PAPER = Planner(
 )
 
 # Sampling was tuned by `race tune split_s_swift --laps 1`, with 48 trials for each of the two
-# samplers. The tuned horizon of 1.2 s is too short to brake from 38 m/s on alphapilot, so it is
-# 1.5 s here. The weights along the horizon, the overshoot and the margin were chosen by hand on
-# split_s_swift and alphapilot, separately for each sampler, see docs/results.md. The ESS and the
-# cut-off were chosen on split_s_swift, split_s_song and alphapilot, see docs/samplers.md. A race
-# does not require yaw, and with a yaw noise of 0.5 rad/s body rates vary by a third more.
+# samplers. The horizon and its longer steps are those with the best laps beside the term
+# `time_to_go`, see docs/tuning.md. The weights along the horizon, the overshoot and the margin were
+# chosen by hand on split_s_swift and alphapilot, separately for each sampler, see docs/results.md.
+# The ESS and the cut-off were chosen on split_s_swift, split_s_song and alphapilot, see
+# docs/samplers.md. A race does not require yaw, and with a yaw noise of 0.5 rad/s body rates vary
+# by a third more.
 _RACE = Planner(
     vehicle="swift",
     sampling=Colored(
@@ -75,7 +76,8 @@ _RACE = Planner(
     ),
     mppi=MPPIConfig(
         samples=1024,
-        horizon=150,
+        horizon=100,
+        longer_steps=0.3,
         iterations=2,
         first_iterations=100,
         dt=0.01,
@@ -88,7 +90,13 @@ _RACE = Planner(
         adapt=True,
     ),
     cost=RaceWeights(
-        progress=1.0, opening=1.0, crash=1000.0, clearance=2500.0, margin=0.3, margin_share=0.25
+        progress=1.0,
+        opening=1.0,
+        crash=1000.0,
+        clearance=2500.0,
+        margin=0.3,
+        margin_share=0.25,
+        time_to_go=2.0,
     ),
 )
 
@@ -148,7 +156,7 @@ def with_sight(planner: Planner) -> Planner:
 
 
 # `race_informed` follows the solution of an optimiser, which covers the whole race and not only a
-# horizon. So the horizon is two fifths of the horizon of `race`, with more iterations and less
+# horizon. So the horizon is three fifths of the horizon of `race`, with more iterations and less
 # noise. The numbers were chosen by hand on `alphapilot` and `split_s_swift`, see docs/results.md.
 _CALMER = 0.7  # factor on the standard deviations of `race`
 
@@ -173,6 +181,7 @@ def _informed(sampler: str, planner: Planner) -> Planner:
     mppi = replace(
         planner.mppi,
         horizon=60,
+        longer_steps=None,
         iterations=5,
         first_noise=1.0,
         cost_rise=0.0,

@@ -274,17 +274,19 @@ def scale_of(
     Args:
         course: the planner's map.
         vehicle: the vehicle.
-        given: the settings, which may have a control period.
+        given: the settings, which may have a control period and a weight `time_to_go`.
         base: the planner of the preset, with the control period if none is given.
         seen_late: result of `is_seen_late`.
 
     Raises:
-        SettingError: the control period is invalid.
+        SettingError: the control period or the weight is invalid.
     """
     kind = SETTINGS["dt"].kinds[MPPIConfig]
     asked = given.get("dt")
     period: Any = base.mppi.dt if asked is None else checked("dt", asked, kind)
-    return Scale.of(course, vehicle, period, seen_late)
+    weight = given.get("time_to_go")
+    may_value = weight is None or checked("time_to_go", weight, SETTINGS["time_to_go"].kind) != 0.0
+    return Scale.of(course, vehicle, period, seen_late, may_value)
 
 
 def _with_law(planner: Planner, law: object) -> Planner:

@@ -99,7 +99,8 @@ def recorded_derivation(spec: Mapping[str, Any]) -> list[DerivedNumber]:
     scale = recorded_scale(spec)
     if reference is None or scale is None or spec["preset"] not in DERIVED:
         return []
-    return derivation(reference, scale)
+    weight = spec["planner"]["cost"].get("time_to_go")
+    return derivation(reference, scale._replace(may_value=weight != 0.0))
 
 
 def _reference(spec: Mapping[str, Any]) -> Planner | None:

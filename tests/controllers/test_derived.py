@@ -18,10 +18,10 @@ from quadsim.controllers.derived import (
     derivation,
     derived,
     horizon,
-    horizon_law,
     margin,
     margin_share,
     samples,
+    sight_law,
     view_weight,
 )
 from quadsim.controllers.presets import PRESETS, contradictions, with_period
@@ -92,7 +92,7 @@ def test_odd_courses_have_numbers_in_range_even_a_lap_without_a_length():
 def test_similar_flights_have_similar_numbers(k):
     """Lengths scale by k and times by sqrt(k) (Froude), so each number scales by its unit."""
     other = similar(SMALL, k)
-    assert horizon_law(other) == pytest.approx(k**0.5 * horizon_law(SMALL))
+    assert sight_law(other) == pytest.approx(k**0.5 * sight_law(SMALL))
     share = COLORED.cost.margin_share
     assert margin_share(share, other).value == pytest.approx(margin_share(share, SMALL).value)
     assert margin(1e9, other).value == pytest.approx(k * margin(1e9, SMALL).value, rel=0.01)
@@ -128,8 +128,8 @@ def test_a_vehicle_that_can_yaw_has_more_noise_of_yaw_up_to_the_share_of_roll():
 
 def test_horizon_and_samples_grow_with_their_causes_and_keep_their_limits():
     longer = SMALL._replace(leg=1.3 * SMALL.leg)
-    assert horizon_law(longer) > horizon_law(SMALL)
-    assert horizon_law(SMALL._replace(acceleration=2 * SMALL.acceleration)) < horizon_law(SMALL)
+    assert sight_law(longer) > sight_law(SMALL)
+    assert sight_law(SMALL._replace(acceleration=2 * SMALL.acceleration)) < sight_law(SMALL)
     assert horizon(SMALL._replace(leg=1e3)).value == LONGEST
     open_air = SMALL._replace(frame=0.1)
     counts = [samples(1024, scale).value for scale in (open_air, SMALL, SMALL._replace(frame=9.0))]
@@ -137,10 +137,38 @@ def test_horizon_and_samples_grow_with_their_causes_and_keep_their_limits():
     assert samples(1024, open_air._replace(period=0.005)).value == 1024, "never fewer"
     tight = open_air._replace(room=0.1 * SMALL.room)
     assert samples(1024, tight).value > samples(1024, open_air).value
-    assert horizon_law(tight) > horizon_law(open_air)
+    assert sight_law(tight) > sight_law(open_air)
     narrow = open_air._replace(room=open_air.leg * NARROW_SHARE / 1.5)
     assert samples(1024, narrow).value > samples(1024, open_air).value
-    assert horizon_law(narrow) == horizon_law(open_air)
+    assert sight_law(narrow) == sight_law(open_air)
+
+
+def test_the_value_of_the_course_shortens_the_horizon_where_its_way_can_be_flown():
+    split_s, swift = load_course("split_s_swift"), load_vehicle("swift")
+    usual = Scale.of(split_s, swift, 0.01)
+    assert derived(COLORED, usual).cost.time_to_go > 0.0
+    others = [
+        usual._replace(room=0.5 * NARROW_SHARE * usual.leg),
+        usual._replace(has_obstacles=True),
+        usual._replace(may_value=False),
+    ]
+    for other in others:
+        planner = derived(COLORED, other)
+        assert (planner.cost.time_to_go, planner.mppi.longer_steps) == (0.0, None), other
+        assert horizon(other).value == LONGEST > horizon(usual).value
+    slow = derived(COLORED, usual._replace(period=0.025))
+    assert slow.cost.time_to_go > 0.0
+    assert slow.mppi.horizon * slow.mppi.dt == LONGEST
+
+
+def test_a_flight_without_the_value_of_the_course_has_the_longer_horizon():
+    usual, without = (Spec.of("split_s_swift", **given) for given in ({}, {"time_to_go": 0}))
+    assert without.planner.mppi.horizon > usual.planner.mppi.horizon
+    changes = preset_changes(json.loads(json.dumps(without.record())))
+    assert changes == "horizon 150, longer_steps none, time_to_go 0"
+    laws = {number.name: number for number in recorded_derivation(without.record())}
+    assert laws["horizon"].value == without.planner.mppi.horizon
+    assert laws["time_to_go"].law == "0, as the weight was given as 0"
 
 
 def test_margins_grow_with_the_room_and_its_weight_falls():
@@ -164,8 +192,9 @@ def test_the_noise_below_the_cut_off_does_not_depend_on_the_control_period(gamma
         # of the third frequency of the horizon
         return (factor * spectrum(2 * steps, gamma, "exact")[3]) ** 2
 
-    assert power(60, density(gamma, 60)) == pytest.approx(power(150, density(gamma, 150)))
-    assert density(gamma, 150) == 1.0
+    short, usual = density(gamma, 60), density(gamma, 150)
+    assert power(60, short) == pytest.approx(power(150, usual))
+    assert usual == 1.0
     assert (power(60, 1.0) > 1.1 * power(150, 1.0)) == (gamma < 2.0)
 
 
