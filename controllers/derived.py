@@ -52,6 +52,8 @@ MARGIN_ROOM = 0.7
 STEEP_BELOW = 0.12
 # Frames are in the way of the samples from this size beside a leg on.
 FRAME_SHARE = 0.22
+# From this share of a leg on, the way of a point mass between gates leads through frames.
+CROWDED_SHARE = 0.42
 # Openings are narrow if their room is below this share of a leg. On the courses of the reference it
 # is 0.05 and more.
 NARROW_SHARE = 0.045
@@ -158,10 +160,11 @@ class Scale(NamedTuple):
     def has_value(self) -> bool:
         """Whether the planner has the term `time_to_go`.
 
-        The point mass of the term knows neither attitude nor obstacles. In front of a narrow
-        opening its way is one that the vehicle cannot fly.
+        The point mass of the term knows neither attitude nor frames nor obstacles. Where openings
+        are narrow, or frames wide beside the legs, its way is one that the vehicle cannot fly.
         """
-        return self.may_value and self.narrowness == 1.0 and not self.has_obstacles
+        is_in_the_open = self.frame <= CROWDED_SHARE * self.leg and not self.has_obstacles
+        return self.may_value and self.narrowness == 1.0 and is_in_the_open
 
     @property
     def is_shortened(self) -> bool:
@@ -264,11 +267,14 @@ def time_to_go(reference: float, scale: Scale) -> Law:
         "the weight was given as 0": not scale.may_value,
         "there are obstacles": scale.has_obstacles,
         f"openings are narrow: {scale.narrowness_text} > 1": scale.narrowness > 1.0,
+        f"frames are wide: {scale.frame:.3g} m > {CROWDED_SHARE:g} leg {scale.leg:.3g} m": (
+            scale.frame > CROWDED_SHARE * scale.leg
+        ),
     }
     found = [reason for reason, holds in reasons.items() if holds]
     if found:
         return Law(0.0, f"0, as {found[0]}")
-    return Law(reference, f"{reference:g}, as no opening is narrow and there are no obstacles")
+    return Law(reference, f"{reference:g}, as openings and legs are wide and free of obstacles")
 
 
 def steps_of(scale: Scale) -> int:

@@ -505,7 +505,7 @@ BROKEN_COSTS = {
     ),
     "a weight": (
         lambda cost: replace(cost, terms=(*cost.terms, Term(calm, np.ones(7)))),
-        "weight_calm: expected one number or one for each of 40 steps, got shape (7,)",
+        "weight_calm: expected one number or one for each of 35 steps, got shape (7,)",
     ),
 }
 

@@ -80,7 +80,7 @@ def test_cases_are_the_papers_budgets_and_the_sweeps_each_once_on_one_thread_and
     assert {c.horizon for c in ours if c.samples == 4096} == set(HORIZONS)
     assert {c.size for c in found if c.system == "double_integrator"} == {"4096 x 65 x 1"}
     assert {c.size for c in found if c.system == "offroad"} == {"6144 x 250 x 3"}
-    assert {c.size for c in found if c.system == "racer"} == {"1024 x 150 x 2"}
+    assert {c.size for c in found if c.system == "racer"} == {"1024 x 100 x 2"}
 
 
 @pytest.mark.compiled

@@ -15,8 +15,8 @@ def test_the_derived_numbers_of_a_run_are_printed_with_their_laws(tmp_path, caps
     capsys.readouterr()
     assert race(["show", "last", "--numbers", *folder]) == 0
     printed = " ".join(capsys.readouterr().out.split())
-    assert "40, given; law: 150" in printed
+    assert "40, given; law: 100" in printed
     assert "3.3 sqrt(leg 9.3 m" in printed
     assert race(["show", "last", "--numbers", "--json", *folder]) == 0
     found = {number["name"]: number["value"] for number in json.loads(capsys.readouterr().out)}
-    assert (found["horizon"], found["samples"]) == (150, 1024)
+    assert (found["horizon"], found["samples"]) == (100, 1024)

@@ -38,7 +38,7 @@ def test_the_table_has_every_setting_once_with_a_meaning():
     assert [row.name for row in rows] == list(SETTINGS) == list(quadsim.settings())
     assert all(row.meaning and row.default for row in rows)
     row = next(row for row in rows if row.name == "horizon")
-    assert (row.unit, row.range, row.default) == ("steps", ">= 2 and <= 10000", "150")
+    assert (row.unit, row.range, row.default) == ("steps", ">= 2 and <= 10000", "100")
     assert "race_informed: 60" in row.presets
 
 

@@ -149,6 +149,7 @@ def test_the_value_of_the_course_shortens_the_horizon_where_its_way_can_be_flown
     assert derived(COLORED, usual).cost.time_to_go > 0.0
     others = [
         usual._replace(room=0.5 * NARROW_SHARE * usual.leg),
+        usual._replace(frame=0.5 * usual.leg),
         usual._replace(has_obstacles=True),
         usual._replace(may_value=False),
     ]

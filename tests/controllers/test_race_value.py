@@ -161,7 +161,7 @@ def test_displaced_gates_take_their_value_with_them():
 
 
 def test_a_cost_without_it_has_the_loops_without_marks():
-    without = Spec.of("split_s_swift", laps=1)
+    without = Spec.of("split_s_swift", laps=1, time_to_go=0)
     plain = module_source(system_of(SPEC), cost_on(without, without.course), np.float32)
     assert "mark_factor" not in plain
     assert "mark_factor" in module_source(system_of(SPEC), COST, np.float32)

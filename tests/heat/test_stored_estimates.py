@@ -85,7 +85,8 @@ def test_one_planner_forgets_the_others_of_the_estimate_before(raced):
     def cost(estimate):
         """Return the cost of hovering where the vehicle last was, beside these others."""
         planner.use_estimates(estimate)
-        found = planner.rollout.trajectories(beside.x, planner.plan.T[None], beside.target)
+        plan = planner.steps.mean(planner.plan)
+        found = planner.rollout.trajectories(beside.x, plan.T[None], beside.target)
         return float(found.J[0])
 
     near, none = cost(beside), cost(alone)

@@ -28,7 +28,7 @@ def test_changed_numbers_are_named_in_the_line_that_says_what_flew():
 
 
 def test_at_most_four_numbers_are_named():
-    record = recorded(samples=256, horizon=100, iterations=1, tighten=0.2, margin=0.2, crash=500)
+    record = recorded(samples=256, horizon=90, iterations=1, tighten=0.2, margin=0.2, crash=500)
     assert preset_changes(record).endswith("tighten 0.2, and 2 more")
 
 

@@ -138,11 +138,11 @@ def test_the_planner_keeps_farther_from_a_gate_whose_place_is_uncertain(moved):
     parts = build(spec)
     parts.plant.close()
     controller = parts.controller.planner
-    margin = GateTarget(*controller.cost.targets[0]).margin
+    margin = first_target(controller).margin
     estimator = Estimator(spec.sensing, frames(spec.course.gates), spec.course.start, 0.0, moved)
     course, state = CourseEstimate(spec.course), estimator.state
     controller.use_estimates(Estimate(0.0, START, course=course.updated(state)))
-    target = GateTarget(*controller.cost.targets[0])
+    target = first_target(controller)
     first, free = target.margin, target.free_y
     assert first == pytest.approx(min(margin + GATE_STDS * state.gate_std(7)[0], 0.7 * free))
     assert first > 2 * margin
@@ -151,7 +151,12 @@ def test_the_planner_keeps_farther_from_a_gate_whose_place_is_uncertain(moved):
     )
     certain = course.updated(replace(state, P=1e-8 * state.P))
     controller.use_estimates(Estimate(0.0, START, course=certain))
-    assert GateTarget(*controller.cost.targets[0]).margin == pytest.approx(margin, abs=1e-3)
+    assert first_target(controller).margin == pytest.approx(margin, abs=1e-3)
+
+
+def first_target(planner):
+    """Return the row of the first gate, without the value of the course."""
+    return GateTarget(*planner.cost.targets[0][: len(GateTarget._fields)])
 
 
 @pytest.mark.compiled

@@ -73,13 +73,13 @@ def test_an_entrant_that_cannot_fly_is_named_in_one_line():
 def test_each_entrant_has_numbers_of_its_own():
     flights = (
         Choices(course="figure8", numbers={"samples": 512}),
-        Choices(course="figure8", settings={"horizon": 100}, vehicle="kolibri"),
+        Choices(course="figure8", settings={"horizon": 120}, vehicle="kolibri"),
         Choices(course="figure8", sampler="gaussian", numbers={"gamma_rates": 1.0}),
     )
     heat = HeatChoices(flights).spec()
     assert heat.names == ("colored", "colored 2", "gaussian")
     first, second, third = (entrant.spec for entrant in heat.entrants)
     assert (first.planner.mppi.samples, second.planner.mppi.samples) == (512, 1024)
-    assert (first.planner.mppi.horizon, second.planner.mppi.horizon) == (150, 100)
+    assert (first.planner.mppi.horizon, second.planner.mppi.horizon) == (100, 120)
     assert (first.vehicle.name, second.vehicle.name) == ("swift", "kolibri")
     assert third.sampler == "gaussian"  # which has no gamma
