@@ -217,7 +217,7 @@ def preset(name: str, sampler: str) -> Planner:
     Examples:
         >>> from quadsim.controllers import preset
         >>> preset("race", "colored").mppi.horizon
-        150
+        100
     """
     if name not in PRESETS:
         raise FileError(f"no preset {name!r}: {instead_of(name)} (or a FILE.yaml)")
