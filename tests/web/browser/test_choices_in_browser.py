@@ -55,12 +55,12 @@ def test_every_number_of_the_planner_can_be_changed_and_reset(page, session, gli
         assert any(wanted.fullmatch(label) for label in labels), name
     for title in ("Sampling", "MPPI", "Cost", "Model of the vehicle"):
         group(page, title)
-    fill(page, "Horizon [steps]", "100")
+    fill(page, "Horizon [steps]", "90")
     choose(page, "Law", "paper")
     built = len(gliders.built)
     press(page, "START")
     assert waited(page, lambda: len(gliders.built) == built + 1)
-    assert gliders.built[-1].choices.settings == {"horizon": 100, "law": "paper"}
+    assert gliders.built[-1].choices.settings == {"horizon": 90, "law": "paper"}
     session.tell(PageRace.end_flights)
     press(page, "Reset to preset")
     horizon = field(page, "Horizon [steps]")
