@@ -64,4 +64,4 @@ def test_every_number_of_the_planner_can_be_changed_and_reset(page, session, gli
     session.tell(PageRace.end_flights)
     press(page, "Reset to preset")
     horizon = field(page, "Horizon [steps]")
-    assert waited(page, lambda: horizon.input_value() == "150")
+    assert waited(page, lambda: horizon.input_value() == "100")
