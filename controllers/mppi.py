@@ -409,6 +409,7 @@ class MPPI:
             self.set_cost(self.cost_of(course))
             self._has_news = True
         if model is not None and model != self.model:
+            self.plan = self.adapted_plan(model)
             self.set_model(model)
         terms = [term for term in self.cost.terms if isinstance(term, EstimatedTerm)]
         if terms:
@@ -430,6 +431,17 @@ class MPPI:
         if has_news and self.config.news_iterations:
             return self.config.news_iterations
         return self.config.iterations
+
+    def adapted_plan(self, model: System) -> np.ndarray:
+        """Return the plan that does with a model what this one does with its own.  (T, n_u)
+
+        Args:
+            model: the model to be set.
+        """
+        if model.adapted is None:
+            return self.plan
+        plan = model.control(*self.plan.T)
+        return np.stack(model.adapted(plan, self.model, model), axis=1)
 
     def shift(self, steps: int) -> None:
         """Drop the plan's first `steps` controls, and append the guide's last control."""

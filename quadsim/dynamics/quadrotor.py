@@ -674,6 +674,34 @@ def quadrotor(model: ModelParams, dt: float) -> System:
         high=Control(*model.rate_max, thrust=most),
         rest=rest,
         attainable=None if model.tilt_first else attainable,
+        adapted=adapted if isinstance(model, LearnedModel) else None,
+    )
+
+
+def adapted(u, before, now):
+    """Return the command that does now what u did under the estimates of before.
+
+    Thrust and body rates change by as much as makes the output of the rotors the same. The thrust
+    does not exceed its present limit for that.
+
+    Args:
+        u: Control.
+        before: System with the earlier estimates.
+        now: System with the present ones.
+
+    Returns:
+        Control.
+    """
+    p = now.params
+    thrust = u.thrust * (before.params.thrust_share / p.thrust_share)
+    thrust = minimum(thrust, maximum(now.high.thrust, u.thrust))
+    was = deliver(Drive(u.thrust, 0.0, 0.0, 0.0), before.params)
+    is_now = deliver(Drive(thrust, 0.0, 0.0, 0.0), p)
+    return Control(
+        u.wx + (was.bx - is_now.bx) / p.rate_gain_x,
+        u.wy + (was.by - is_now.by) / p.rate_gain_y,
+        u.wz + (was.bz - is_now.bz) / p.rate_gain_z,
+        thrust,
     )
 
 
