@@ -306,7 +306,7 @@ def race_cost(
         cost = with_caution(cost, course.gates * laps, first, sight, weights.caution)
     if value:
         # Displaced gates may need other ways round the obstacles.
-        if len(value.passages) != len(rows) - 1:
+        if len(value.passages) != len(rows):
             value = value_of_rows(rows, course.start.position, value.mass)
         cost = with_time_to_go(cost, value, weights.time_to_go)
 

@@ -38,6 +38,8 @@ from quadsim.vehicle import GRAVITY
 NEAREST = 0.01
 # Cost of crossing a gate beside its opening [s/m]: a sample near it cannot change where it crosses
 OUTSIDE = 1.0
+# Way behind the finish, and half its width, in which the speed at the finish still counts [m]
+RUN_ON = 20.0
 # Ways that a metre to the outer edge of the frame costs straight behind a gate
 ROUND = 8.0
 # Steps of Newton's method for the time of a leg that ends anyhow, and for the time to the crossing
@@ -294,14 +296,17 @@ def time_to_go(x, gate, p):
 
     A sample behind the plane of its gate, which it has missed or which faces away, turns back and
     crosses it forward. Straight behind the gate the frame is in the way, so there the time is
-    longer, the further it is to the outer edge of the frame. Behind the finish the time runs on.
+    longer, the further it is to the outer edge of the frame. Behind the finish the time runs on,
+    and the speed is worth what it was worth there.
     """
     place = in_gate(x.position, gate)
     outside = maximum(abs(place.left) - gate.free_y, abs(place.up) - gate.free_z)
     to_edge = where(place.along > 0.0, maximum(gate.bar - outside, 0.0), 0.0)
-    ahead = gate.later + time_through(approach_of(x, gate), p) + ROUND * to_edge / p.speed
-    finished = -(RUN_OUT + place.along) / p.speed
-    return where(gate.free_y < RUN_OUT, ahead, finished)
+    leg = approach_of(x, gate)
+    ahead = time_through(leg, p) + ROUND * to_edge / p.speed
+    v = leg.along.v
+    finished = (leg.along.slope + 0.5 * leg.along.curve * v) * v - (RUN_OUT + place.along) / p.speed
+    return gate.later + where(gate.free_y < RUN_OUT, ahead, finished)
 
 
 @lru_cache(maxsize=16)
@@ -322,8 +327,8 @@ def with_time_to_go(cost: Cost, value: CourseValue, weight: float) -> Cost:
     z = value.crossings
     slope = value.slope - value.curvature * z
     later = value.to_go - (value.slope * z - 0.5 * value.curvature * z * z).sum(axis=1)
-    behind = np.column_stack([later, slope, value.curvature])
-    run_out = np.zeros((1, behind.shape[1]))
+    behind = np.column_stack([later, slope, value.curvature])[:-1]
+    finish = behind[-1:]
     f = value.mass.thrust
     unit = 3.0 * THRUST_SHARE / ((1.0 - THRUST_SHARE) * f * f)
     term = StateTerm(
@@ -333,33 +338,44 @@ def with_time_to_go(cost: Cost, value: CourseValue, weight: float) -> Cost:
         drag=value.mass.drag,
         unit=unit,
         root=float(np.sqrt(3.0 * unit)),
-        speed=float(value.speeds[-1]),
+        speed=float(value.speeds[-2]),
     )
     return replace(
         cost,
         name=f"{cost.name}_value",
         row=value_row(cost.row),
-        targets=np.hstack([cost.targets, np.vstack([behind, run_out])]),
+        targets=np.hstack([cost.targets, np.vstack([behind, finish])]),
         terms=(*cost.terms, term),
     )
 
 
 def value_of_rows(rows: np.ndarray, start: Vec3, mass: PointMass) -> CourseValue:
-    """Return the time to go through the targets of the racing cost.
+    """Return the time to go through the targets of the racing cost, and RUN_ON further.
+
+    Without the way behind the finish, a horizon that ends soon after it sees no use in the speed
+    there.
 
     Args:
         rows: rows of `GateTarget`, the last one behind the finish.
         start: position at the start [m]  (3,).
         mass: the vehicle as a point mass.
+
+    Returns:
+        The value, with the mean speed up to the finish.
     """
     gates = rows[:-1]
     forward = columns(gates, GateTarget, "nx", "nz")
     left = columns(gates, GateTarget, "lx", "lz")
     free = columns(gates, GateTarget, "free_y", "free_z")
     margin = columns(gates, GateTarget, "margin", "margin")
+    position = columns(gates, GateTarget, "x", "z")
+    rotation = np.stack([forward, left, np.cross(forward, left)], axis=2)
     passages = Passages(
-        position=columns(gates, GateTarget, "x", "z"),
-        rotation=np.stack([forward, left, np.cross(forward, left)], axis=2),
-        half=np.maximum(free - margin, SMALLEST),
+        position=np.vstack([position, position[-1] + RUN_ON * forward[-1]]),
+        rotation=np.concatenate([rotation, rotation[-1:]]),
+        half=np.vstack([np.maximum(free - margin, SMALLEST), (RUN_ON, RUN_ON)]),
     )
-    return value_of_passages(passages, start, mass)
+    value = value_of_passages(passages, start, mass)
+    ways = np.diff(np.vstack([start, passages.position[:-1]]), axis=0)
+    length = np.linalg.norm(ways, axis=1).sum()
+    return replace(value, mean_speed=float(length / value.splits[-2]))

@@ -32,7 +32,7 @@ SPEC = Spec.of("split_s_swift", laps=1, time_to_go=2.0)
 COST = cost_on(SPEC, SPEC.course)
 VALUE = value_of(SPEC, SPEC.planner.cost)
 TERM = COST.terms[-1]
-K = len(VALUE.passages)
+K = len(VALUE.passages) - 1  # gates; the last passage lies behind the finish
 
 
 def to_go(position, velocity, k):
@@ -136,8 +136,12 @@ def test_missed_gates_cost_and_the_finish_pays():
     assert missed < to_go(exit_ + 2.0 * passage, velocity, 2)
     last = SPEC.course.gates[-1].rotation[:, 0]
     finish = COST.targets[-1][:3] - RUN_OUT * last
-    nearer, farther = (to_go(finish + d * last, 10.0 * last, K) for d in (0.1, 1.0))
-    assert 0.0 > nearer > farther
+    before = to_go(finish - 0.1 * last, 10.0 * last, K - 1)
+    nearer, farther, faster = (
+        to_go(finish + d * last, v * last, K) for d, v in ((0.1, 10.0), (1.0, 10.0), (1.0, 12.0))
+    )
+    assert before > nearer > farther > faster
+    assert before - nearer < 0.03
 
 
 def test_crossings_beside_the_opening_cost():
