@@ -39,7 +39,7 @@ NEAREST = 0.01
 # Cost of crossing a gate beside its opening [s/m]: a sample near it cannot change where it crosses
 OUTSIDE = 1.0
 # Way behind the finish, and half its width, in which the speed at the finish still counts [m]
-RUN_ON = 20.0
+RUN_ON = 5.0
 # Ways that a metre to the outer edge of the frame costs straight behind a gate
 ROUND = 8.0
 # Steps of Newton's method for the time of a leg that ends anyhow, and for the time to the crossing
