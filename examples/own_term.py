@@ -13,7 +13,7 @@ def calm_yaw(x, x_next, u, gate, p):
 
 if __name__ == "__main__":
     for terms in ([], [(calm_yaw, 1.0)]):
-        settings = {"sampler": "gaussian", "sigma": (0.9, 0.9, 1.5, 3.8), "laps": 1}
+        settings = {"sampler": "gaussian", "sigma": (0.9, 0.9, 4.0, 3.8), "laps": 1}
         run = quadsim.fly("figure8", terms=terms, **settings)
         yaw_rate = run.telemetry["wz"].std()
         print(run.outcome, run.laps, f"yaw rate, root mean square: {yaw_rate:.2f} rad/s")
