@@ -154,19 +154,21 @@ def test_a_baseline_with_too_few_attempts_to_pass_is_refused(
 
 
 def test_a_stored_distribution_passes_against_itself_and_fails_against_a_slower_racer_s():
-    """The slower racer: the Gaussian one, on the same seeds, is 5.5 % slower on paper_flat. On
-    figure8 it is 2.4 % slower, less than the effect."""
+    """The slower racer: the Gaussian one, on the same seeds, is 2.4 % slower on paper_flat, less
+    than the effect. With laps that are 3 % longer it is slower by more."""
     for path in BASELINES:
         baseline = load_baseline(path)
         assert all(v.ok for v in judge(baseline.stored, baseline.stored, baseline.effects)), (
             path.stem
         )
-    for course, passes in (("paper_flat", False), ("figure8", True)):
-        fast, slow = (
-            load_baseline(HERE / f"{course}_{sampler}.yaml") for sampler in ("colored", "gaussian")
-        )
-        assert judge(fast.stored, slow.stored, fast.effects)[1].ok is passes, course
-        assert judge(slow.stored, fast.stored, slow.effects)[1].ok, "faster is no failure"
+    fast, slow = (
+        load_baseline(HERE / f"paper_flat_{sampler}.yaml") for sampler in ("colored", "gaussian")
+    )
+    assert judge(fast.stored, slow.stored, fast.effects)[1].ok
+    longer = tuple(1.03 * lap for lap in slow.stored.laps)
+    slower = StoredNumbers("", "", longer, slow.stored.thrust_tv)
+    assert not judge(fast.stored, slower, fast.effects)[1].ok
+    assert judge(slow.stored, fast.stored, slow.effects)[1].ok, "faster is no failure"
 
 
 def test_the_worst_seed_does_not_finish_any_more_or_lost_most():
