@@ -433,7 +433,7 @@ class MPPI:
         return self.config.iterations
 
     def adapted_plan(self, model: System) -> np.ndarray:
-        """Return the plan that does with a model what this one does with its own.  (T, n_u)
+        """Return the plan with the same effect on another model as on the present one.  (T, n_u)
 
         Args:
             model: the model to be set.

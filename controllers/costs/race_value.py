@@ -1,5 +1,7 @@
 """The term `time_to_go`: the time that a point mass takes from a sample's state to the finish.
 
+It ends a few metres behind the finish, see `value_of_rows`.
+
     V(p, v) = min over T and the crossing z of  (1 - a) T + a E / f^2 + V_gate(z)
 
 T is the time to the gate's exit, E the least integral of the squared thrust in that time (see
@@ -38,8 +40,11 @@ from quadsim.vehicle import GRAVITY
 NEAREST = 0.01
 # Cost of crossing a gate beside its opening [s/m]: a sample near it cannot change where it crosses
 OUTSIDE = 1.0
-# Way behind the finish, and half its width, in which the speed at the finish still counts [m]
+# Distance from the finish to a passage behind it, up to which the time to go is counted [m]. It is
+# also half of the width and of the height of this passage.
 RUN_ON = 5.0
+# Index of the finish among the passages of a value: the last one lies RUN_ON behind it.
+FINISH = -2
 # Ways that a metre to the outer edge of the frame costs straight behind a gate
 ROUND = 8.0
 # Steps of Newton's method for the time of a leg that ends anyhow, and for the time to the crossing
@@ -292,20 +297,25 @@ def time_through(leg, p):
 
 
 def time_to_go(x, gate, p):
-    """Return the time that a point mass takes from the state x to the finish [s].
+    """Return the time that a point mass takes from the state x to RUN_ON behind the finish [s].
 
     A sample behind the plane of its gate, which it has missed or which faces away, turns back and
     crosses it forward. Straight behind the gate the frame is in the way, so there the time is
-    longer, the further it is to the outer edge of the frame. Behind the finish the time runs on,
-    and the speed is worth what it was worth there.
+    longer, the further it is to the outer edge of the frame. Behind the finish the time decreases
+    with the distance flown, and with the speed along the passage as it does at the finish.
     """
+    # On the way to a gate
     place = in_gate(x.position, gate)
     outside = maximum(abs(place.left) - gate.free_y, abs(place.up) - gate.free_z)
     to_edge = where(place.along > 0.0, maximum(gate.bar - outside, 0.0), 0.0)
     leg = approach_of(x, gate)
     ahead = time_through(leg, p) + ROUND * to_edge / p.speed
+
+    # Behind the finish
     v = leg.along.v
-    finished = (leg.along.slope + 0.5 * leg.along.curve * v) * v - (RUN_OUT + place.along) / p.speed
+    by_speed = (leg.along.slope + 0.5 * leg.along.curve * v) * v
+    flown = RUN_OUT + place.along
+    finished = by_speed - flown / p.speed
     return gate.later + where(gate.free_y < RUN_OUT, ahead, finished)
 
 
@@ -327,8 +337,9 @@ def with_time_to_go(cost: Cost, value: CourseValue, weight: float) -> Cost:
     z = value.crossings
     slope = value.slope - value.curvature * z
     later = value.to_go - (value.slope * z - 0.5 * value.curvature * z * z).sum(axis=1)
-    behind = np.column_stack([later, slope, value.curvature])[:-1]
-    finish = behind[-1:]
+    # The numbers of each gate. The target behind the finish has those of the finish.
+    behind = np.column_stack([later, slope, value.curvature])
+    behind = np.vstack([behind[:-1], behind[FINISH]])
     f = value.mass.thrust
     unit = 3.0 * THRUST_SHARE / ((1.0 - THRUST_SHARE) * f * f)
     term = StateTerm(
@@ -338,22 +349,22 @@ def with_time_to_go(cost: Cost, value: CourseValue, weight: float) -> Cost:
         drag=value.mass.drag,
         unit=unit,
         root=float(np.sqrt(3.0 * unit)),
-        speed=float(value.speeds[-2]),
+        speed=float(value.speeds[FINISH]),
     )
     return replace(
         cost,
         name=f"{cost.name}_value",
         row=value_row(cost.row),
-        targets=np.hstack([cost.targets, np.vstack([behind, finish])]),
+        targets=np.hstack([cost.targets, behind]),
         terms=(*cost.terms, term),
     )
 
 
 def value_of_rows(rows: np.ndarray, start: Vec3, mass: PointMass) -> CourseValue:
-    """Return the time to go through the targets of the racing cost, and RUN_ON further.
+    """Return the time to go through the targets of the racing cost and to RUN_ON behind the finish.
 
-    Without the way behind the finish, a horizon that ends soon after it sees no use in the speed
-    there.
+    If the time ended at the finish, a short horizon that reaches beyond it would not reward speed
+    there, and flights would coast on the last leg.
 
     Args:
         rows: rows of `GateTarget`, the last one behind the finish.
@@ -370,12 +381,15 @@ def value_of_rows(rows: np.ndarray, start: Vec3, mass: PointMass) -> CourseValue
     margin = columns(gates, GateTarget, "margin", "margin")
     position = columns(gates, GateTarget, "x", "z")
     rotation = np.stack([forward, left, np.cross(forward, left)], axis=2)
+    # The gates, and the passage behind the finish
     passages = Passages(
         position=np.vstack([position, position[-1] + RUN_ON * forward[-1]]),
         rotation=np.concatenate([rotation, rotation[-1:]]),
         half=np.vstack([np.maximum(free - margin, SMALLEST), (RUN_ON, RUN_ON)]),
     )
     value = value_of_passages(passages, start, mass)
-    ways = np.diff(np.vstack([start, passages.position[:-1]]), axis=0)
+
+    # The weight of the term refers to the race alone.
+    ways = np.diff(np.vstack([start, position]), axis=0)
     length = np.linalg.norm(ways, axis=1).sum()
-    return replace(value, mean_speed=float(length / value.splits[-2]))
+    return replace(value, mean_speed=float(length / value.splits[FINISH]))

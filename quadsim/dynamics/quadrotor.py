@@ -679,10 +679,10 @@ def quadrotor(model: ModelParams, dt: float) -> System:
 
 
 def adapted(u, before, now):
-    """Return the command that does now what u did under the estimates of before.
+    """Return the command that has the effect under new estimates that u had under earlier ones.
 
-    Thrust and body rates change by as much as makes the output of the rotors the same. The thrust
-    does not exceed its present limit for that.
+    Thrust and body rates are changed so that the rotors deliver the same thrust and angular
+    acceleration. The thrust is not raised above its present limit.
 
     Args:
         u: Control.

@@ -59,8 +59,8 @@ class System:
     # (state, control, params) -> the control that is commanded in its place, where the vehicle
     # cannot follow it
     attainable: Callable[[Any, Any, Any], Any] | None = None
-    # (control, system before, this system) -> the control that does with this system what the given
-    # one did with the one before, where params are estimated in flight
+    # (control, earlier system, this system) -> the control that has the effect on this system that
+    # the given one had on the earlier system, where params are estimated in flight
     adapted: Callable[[Any, System, System], Any] | None = None
 
     def __post_init__(self) -> None:
