@@ -37,7 +37,7 @@ HAND = record("hand")
         (record(laps=2), "laps (1 / 2)"),
         (record(sensing="mocap"), "sensing (perfect / mocap)"),
         (record(deadline_ms="8", clock="wall"), "clock (simulated / wall) and deadline (none / 8)"),
-        (HAND, "sampler"),
+        (HAND, "controller"),
     ],
 )
 def test_all_that_differs_is_said_and_nothing_else(other, differ):

@@ -98,7 +98,7 @@ def compared(records: Sequence[Record]) -> str:
     """Return one sentence with the differences between flights; empty for fewer than two."""
     if len(records) < 2:
         return ""
-    found = [_in_words(difference) for difference in differences(records)]
+    found = [_in_words(difference, records) for difference in differences(records)]
     if not found:
         return "They are all alike."
     *others, last = found
@@ -153,6 +153,11 @@ def _settings(record: Record) -> Iterator[tuple[str, str]]:
     yield "sensing", plain(sensing["name"]) if sensing else PERFECT
 
 
+def _flew_a_sampler(record: Record) -> bool:
+    """Return whether the planner flew, rather than a pilot, a person or a user's controller."""
+    return has_planner(record) and flown_by(record) == record["sampler"]
+
+
 def _value_text(value: Any) -> str:
     """Return a value as text; of one that is not set, none."""
     if isinstance(value, str | bool | int | float):
@@ -174,11 +179,13 @@ def _numbers(record: Record) -> dict[str, str]:
     }
 
 
-def _in_words(difference: Difference) -> str:
+def _in_words(difference: Difference, records: Sequence[Record]) -> str:
     """Return a difference with its values, if these are short."""
+    if difference.name == "sampler":
+        return "sampler" if all(map(_flew_a_sampler, records)) else "controller"
     name = difference.name.replace("_", " ")
     values = list(dict.fromkeys(value or "none" for value in difference.values))
-    if difference.name == "sampler" or any(len(value) > LONGEST_IN_WORDS for value in values):
+    if any(len(value) > LONGEST_IN_WORDS for value in values):
         return name
     return f"{name} ({' / '.join(values)})"
 
