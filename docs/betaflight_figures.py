@@ -90,7 +90,7 @@ def draw_spectra() -> None:
         for sampler in SAMPLERS:
             log = Path(folder) / f"{sampler}.bbl"
             run = quadsim.fly(
-                COURSE, sampler=sampler, flight_controller="betaflight", laps=1, blackbox=log
+                COURSE, sampler=sampler, flight_controller="betaflight", laps=1, blackbox=str(log)
             )
             draw_log(axes, log, run.duration, sampler)
     for panel, (title, _, unit) in zip(axes, LOGGED.values(), strict=True):
@@ -110,7 +110,7 @@ def draw_log(axes: np.ndarray, log: Path, flown: float, sampler: str) -> None:
     t -= t[0] + READY
     flying = (t >= 0.0) & (t <= flown)
     rate = 1.0 / np.median(np.diff(t))
-    low, high = map(float, read.headers["motorOutput"])
+    low, high = np.array(read.headers["motorOutput"], float)
     for panel, (name, (_, factor, _)) in zip(axes, LOGGED.items(), strict=True):
         signal = np.array([frame[column[name]] for frame in frames], float)[flying]
         scale = 1.0 / (high - low) if factor is None else factor

@@ -19,8 +19,13 @@ import quadsim
 from quadsim import Colored, Gaussian, MPPIConfig, Spec
 from quadsim.config.build import build
 from quadsim.controllers.costs.race_targets import GateTarget
-from quadsim.controllers.mppi import MPPI
-from quadsim.controllers.sampled_trajectories import controls, sampled_trajectories
+from quadsim.controllers.in_flight import PlannerInFlight
+from quadsim.controllers.mppi import MPPI, Iteration
+from quadsim.controllers.sampled_trajectories import (
+    SampledTrajectories,
+    controls,
+    sampled_trajectories,
+)
 from quadsim.controllers.update import weights
 from quadsim.dynamics.estimate import Estimate
 from quadsim.figures.course import gate_bar
@@ -57,7 +62,8 @@ def weights_and_temperature() -> Any:
     x = np.array([2.0, 1.0, -0.5, 1.0])
     for _ in range(3):
         mppi.control(Estimate(0.0, x))
-    seen, J = sampled_trajectories(mppi), np.sort(mppi.last.J)
+    seen = sampled(mppi)
+    J = np.sort(last_iteration(mppi).J)
     share = np.exp(-(seen.costs - seen.costs.min()) / mppi.temperature)
     for path, s in reversed(list(zip(seen.paths, share, strict=True))):
         plane.plot(*path[:, :2].T, color=plt.cm.viridis_r(s), linewidth=0.4 + 1.2 * s)
@@ -115,10 +121,24 @@ def noise() -> Any:
     return figure
 
 
+def last_iteration(mppi: MPPI) -> Iteration:
+    """Return the last iteration of a planner that has planned."""
+    assert mppi.last is not None
+    return mppi.last
+
+
+def sampled(mppi: MPPI, points: int = 25) -> SampledTrajectories:
+    """Return the sampled trajectories of a planner that has planned."""
+    found = sampled_trajectories(mppi, points=points)
+    assert found is not None
+    return found
+
+
 def perturbations(mppi: MPPI, count: int = 30) -> np.ndarray:
     """Return those of the last iteration, without samples 0 and 1.  (count, n_u, T)"""
+    last = last_iteration(mppi)
     which = np.arange(2, 2 + count)
-    return controls(mppi, mppi.last, which) - mppi.last.centre.T
+    return controls(mppi, last, which) - last.nominal.T
 
 
 def flown_until(spec: Spec, t: float) -> MPPI:
@@ -128,8 +148,9 @@ def flown_until(spec: Spec, t: float) -> MPPI:
         if frame.t >= t:
             break
     parts.plant.close()
-    assert isinstance(parts.controller, MPPI)
-    return parts.controller
+    assert isinstance(parts.controller, PlannerInFlight)
+    assert isinstance(parts.controller.planner, MPPI)
+    return parts.controller.planner
 
 
 def gates_in_the_rollout() -> Any:
@@ -137,11 +158,12 @@ def gates_in_the_rollout() -> Any:
     figure, axes = plt.subplots(figsize=(9.0, 3.8))
     spec = Spec.of("figure8", laps=1)
     mppi = flown_until(spec, 1.96)
-    for path in sampled_trajectories(mppi, points=100).paths[::-3]:
+    last = last_iteration(mppi)
+    for path in sampled(mppi, points=100).paths[::-3]:
         for target, part in by_target(path, mppi):
             axes.plot(
                 *part[:, :2].T,
-                color=SPARE[target - mppi.last.target].colour,
+                color=SPARE[target - last.target].colour,
                 linewidth=0.7,
                 label=f"towards gate {target + 1}",
             )
@@ -154,7 +176,7 @@ def gates_in_the_rollout() -> Any:
             axes.annotate(
                 name, gate.position[:2], xytext=(9, 12), textcoords="offset points", color=MARK
             )
-    axes.plot(*mppi.last.x[:2], "o", color=INK)
+    axes.plot(*last.x[:2], "o", color=INK)
     axes.set(
         title="Sampled trajectories of one plan, from above",
         xlabel="x [m]",
@@ -170,9 +192,10 @@ def gates_in_the_rollout() -> Any:
 
 def by_target(path: np.ndarray, mppi: MPPI) -> Iterator[tuple[int, np.ndarray]]:
     """Yield the parts of a path (points, 3) with the target that each is on the way to."""
-    target, first = mppi.last.target, 0
+    target, first = last_iteration(mppi).target, 0
     for k in range(1, len(path)):
-        row = GateTarget(*mppi.cost.targets[target])
+        # A row begins with a GateTarget; numbers of other terms follow.
+        row = GateTarget(*mppi.cost.targets[target][: len(GateTarget._fields)])
         exit, passage = np.array([row.x, row.y, row.z]), np.array([row.nx, row.ny, row.nz])
         before, after = (path[k - 1 : k + 1] - exit) @ passage
         if before < 0.0 <= after:

@@ -5,6 +5,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
@@ -18,7 +20,7 @@ from quadsim.palette import HIT, INK, LIMIT, SPARE
 from quadsim.record.run import RecordedRun
 
 COURSE = "split_s_swift"
-SETTINGS = {"laps": 1, "seed": 0}
+SETTINGS: dict[str, Any] = {"laps": 1, "seed": 0}
 FAULTS = ("rotor2=.7@2", "rotor2=0@2", "commands=lost@2~.3")
 # seconds before and after the beginning of the faults that are drawn over time
 BEFORE = 0.3

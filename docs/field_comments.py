@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import re
 import textwrap
-from typing import Any
+from pathlib import Path
+from typing import Any, TypeGuard
 
 import griffe
 
@@ -66,15 +67,16 @@ class FieldComments(griffe.Extension):
 
     def _type_of(self, cls: griffe.Class, name: str) -> str:
         """Return " (type)" of a field that the class has itself or inherits, "" if it has none."""
-        if name in cls.all_members:
-            found = str(cls.all_members[name].annotation or "")
+        member = cls.all_members.get(name)
+        if isinstance(member, griffe.Attribute | griffe.Alias):
+            found = str(member.annotation or "")
         else:
             paths = (f"{base.path}.{name}" for base in cls.mro())
             found = next((self._types[path] for path in paths if path in self._types), "")
         return f" ({found})" if found else ""
 
 
-def _is_field(member: griffe.Object | griffe.Alias) -> bool:
+def _is_field(member: griffe.Object | griffe.Alias) -> TypeGuard[griffe.Attribute]:
     """Return whether a member of a class is a public field of a record."""
     return (
         isinstance(member, griffe.Attribute)
@@ -92,6 +94,7 @@ def _type(annotation: Any) -> Any:
     """Return T of Annotated[T, ...], and any other annotation as it is."""
     if not isinstance(annotation, griffe.ExprSubscript) or str(annotation.left) != "Annotated":
         return annotation
+    assert isinstance(annotation.slice, griffe.ExprTuple)
     return annotation.slice.elements[0]
 
 
@@ -103,7 +106,7 @@ def _help(annotation: str) -> str:
 
 def _comment(attr: griffe.Attribute) -> str:
     """Return the comment at the end of the attribute's line, "" where there is none."""
-    if not attr.lineno:
+    if not attr.lineno or not isinstance(attr.filepath, Path):
         return ""
     _, _, comment = attr.lines_collection[attr.filepath][attr.lineno - 1].partition("  # ")
     return "" if comment.startswith(("noqa", "type:", "pyright")) else comment.strip()

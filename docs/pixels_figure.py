@@ -30,14 +30,23 @@ from quadsim.render.eye import CourseEye
 from quadsim.render.poses import Pose, drawn_poses
 from quadsim.rotation import turned
 from quadsim.sensing import load_sensing
+from quadsim.sensing.config import PixelCameraConfig
 from quadsim.sensing.measurements import Photo
 from quadsim.sensing.pixel_camera import row_poses
 from quadsim.sensing.pixels.tracker import Tracked, Tracker
 
 COURSE = load_course("split_s_swift")
 GATES = frames(COURSE.gates)
-CAMERA = load_sensing("pixels").pixels
-assert CAMERA
+
+
+def pixel_camera() -> PixelCameraConfig:
+    """Return the camera of the set of sensors `pixels`."""
+    camera = load_sensing("pixels").pixels
+    assert camera is not None
+    return camera
+
+
+CAMERA = pixel_camera()
 POSES = 200
 # poses that share a venue, with its look and its banners
 TOGETHER = 20

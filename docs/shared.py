@@ -46,7 +46,8 @@ RATES = 1.5
 
 def use_style() -> None:
     """Draw the following figures in the style of the pages."""
-    plt.rcParams.update(STYLE | {"figure.dpi": 130, "figure.constrained_layout.use": True})
+    plt.rcParams.update(dict(STYLE))
+    plt.rcParams.update({"figure.dpi": 130, "figure.constrained_layout.use": True})
 
 
 def save(figure: Figure, name: str, dpi: int | None = None) -> None:
