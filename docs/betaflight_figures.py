@@ -8,6 +8,7 @@ It needs the firmware (race firmware build) and orangebox (pip install --editabl
 from __future__ import annotations
 
 from functools import partial
+from itertools import product
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -31,6 +32,7 @@ SAMPLERS = ("gaussian", "colored")
 SHOWN = 0.3  # of a step response [s]
 SEGMENT = 1024  # of Welch's method [samples]
 HIGHEST = 300.0  # frequency that is drawn; what the log rounds off lies above [Hz]
+BAND = (10.0, HIGHEST)  # of the root mean squares that are printed [Hz]
 # Column of the log -> title, factor to the unit (None: of the motors' range), unit of the density
 LOGGED = {
     "setpoint[0]": ("commanded roll rate", np.pi / 180.0, "(rad/s)$^2$/Hz"),
@@ -84,15 +86,19 @@ def predicted(loop: RateLoop) -> tuple[np.ndarray, np.ndarray]:
 
 
 def draw_spectra() -> None:
-    """Draw the spectra of what the firmware logs of both samplers' flights."""
+    """Draw the spectra of what the firmware logs of both samplers' flights, and print their powers.
+
+    The figure has the smoothed plans of the preset, the table also plans as they are sampled.
+    """
     figure, axes = plt.subplots(1, 3, figsize=(10.5, 3.4))
-    with TemporaryDirectory() as folder:
-        for sampler in SAMPLERS:
-            log = Path(folder) / f"{sampler}.bbl"
-            run = quadsim.fly(
-                COURSE, sampler=sampler, flight_controller="betaflight", laps=1, blackbox=str(log)
-            )
-            draw_log(axes, log, run.duration, sampler)
+    for smooth, sampler in product((False, True), SAMPLERS):
+        lap, spectra = flown_spectra(sampler, smooth)
+        powers = [f"{rms(*spectrum):.3f}" for spectrum in spectra]
+        print("smoothed" if smooth else "as sampled", sampler, f"{lap:.3f}", *powers, sep=" | ")
+        if smooth:
+            for panel, (f, density) in zip(axes, spectra, strict=True):
+                shown = (f > 0.0) & (f <= HIGHEST)
+                draw_density(panel, f[shown], density[shown], STYLES[sampler].colour, sampler)
     for panel, (title, _, unit) in zip(axes, LOGGED.values(), strict=True):
         panel.set_title(title)
         panel.set_xlabel("frequency [Hz]")
@@ -101,23 +107,41 @@ def draw_spectra() -> None:
     save(figure, "betaflight_spectra.png")
 
 
-def draw_log(axes: np.ndarray, log: Path, flown: float, sampler: str) -> None:
-    """Draw the spectra of one flight, from the firmware's log of it."""
-    read = Parser.load(str(log))
+def flown_spectra(sampler: str, smooth: bool) -> tuple[float, list[tuple[np.ndarray, np.ndarray]]]:
+    """Fly a lap and return its time [s] and the spectra of the firmware's log, as LOGGED has them.
+
+    Each spectrum is the frequencies [Hz] and the power spectral density.
+    """
+    with TemporaryDirectory() as folder:
+        log = Path(folder) / "flight.bbl"
+        run = quadsim.fly(
+            COURSE,
+            sampler=sampler,
+            smooth=smooth,
+            flight_controller="betaflight",
+            laps=1,
+            blackbox=str(log),
+        )
+        read = Parser.load(str(log))
+        frames = [frame.data for frame in read.frames()]
     column = {name: read.field_names.index(name) for name in (*LOGGED, "time")}
-    frames = [frame.data for frame in read.frames()]
     t = 1e-6 * np.array([frame[column["time"]] for frame in frames], float)
     t -= t[0] + READY
-    flying = (t >= 0.0) & (t <= flown)
-    rate = 1.0 / np.median(np.diff(t))
+    flying = (t >= 0.0) & (t <= run.duration)
+    rate = float(1.0 / np.median(np.diff(t)))
     low, high = np.array(read.headers["motorOutput"], float)
-    for panel, (name, (_, factor, _)) in zip(axes, LOGGED.items(), strict=True):
+    spectra = []
+    for name, (_, factor, _) in LOGGED.items():
         signal = np.array([frame[column[name]] for frame in frames], float)[flying]
         scale = 1.0 / (high - low) if factor is None else factor
-        f, density = welch(scale * signal, rate, nperseg=SEGMENT)
-        style = STYLES[sampler]
-        shown = (f > 0.0) & (f <= HIGHEST)
-        draw_density(panel, f[shown], density[shown], style.colour, sampler)
+        spectra.append(welch(scale * signal, rate, nperseg=SEGMENT))
+    return run.laps[0], spectra
+
+
+def rms(f: np.ndarray, density: np.ndarray) -> float:
+    """Return the root mean square of a signal within BAND, from its spectrum."""
+    inside = (f >= BAND[0]) & (f <= BAND[1])
+    return float(np.sqrt(np.trapezoid(density[inside], f[inside])))
 
 
 def draw_density(panel: Axes, f: np.ndarray, density: np.ndarray, colour: str, name: str) -> None:
