@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from quadsim.course import load_course
+from quadsim.dynamics.first_order import response
 from quadsim.dynamics.quadrotor import ModelParams
 from quadsim.physics.domain_randomization import Randomization
 from quadsim.physics.plant import RigidPlant
@@ -67,6 +68,25 @@ def test_lost_commands_are_not_taken_for_late_ones(start, lasts):
 )
 def test_nothing_else_is_taken_for_a_delay(ways, seed):
     assert not any(delays(ways, 2.0, seed, gyro_noise=0.02))
+
+
+@pytest.mark.parametrize(("late", "found"), [(0, 0.0), (1, 0.0), (2, 0.05), (3, 0.075)])
+def test_at_a_slow_rate_a_delay_of_one_control_period_does_not_count(late, found):
+    """The samples of a gyroscope may be as old, and look like a delay."""
+    dt = 0.025
+    model = ModelParams.of(SWIFT)
+    learner = DelayLearner(model, dt)
+    k_rate = response(model.rate_tau[0], dt) / dt
+    k_lag = response(model.rate_lags[0], dt)
+    rng = np.random.default_rng(0)
+    rates = [np.zeros(3)]
+    acceleration = np.zeros(3)
+    for _ in range(80):
+        commanded = 3.0 * rng.standard_normal(3)
+        acceleration = acceleration + k_lag * (k_rate * (commanded - rates[-1]) - acceleration)
+        rates.append(rates[-1] + dt * acceleration)
+        learner.learn(tuple(rates[max(len(rates) - 1 - late, 0)]), tuple(commanded))
+    assert learner.delay == pytest.approx(found)
 
 
 def test_after_the_delay_is_found_the_state_is_predicted_to_when_a_control_acts():

@@ -26,8 +26,10 @@ from quadsim.rotation import Vec3
 # the commands are lost rather than late
 LONGEST = 0.1
 LONGEST_COMPARED = 0.2
-# [s] A shorter delay counts as none.
+# [s] and control periods; a shorter delay counts as none. One of a single period cannot be told from
+# the age of a gyroscope's samples.
 LEAST = 0.025
+LEAST_PERIODS = 2
 # weight of the newest error in the mean squares, per second
 RATE = 4.0
 # A delay that is taken up has an error of at most this share of that in use.
@@ -54,6 +56,7 @@ class DelayLearner:
         # [1/s]  (2,)
         self._gains = np.array([response(tau, dt) / dt for tau in model.rate_tau[:2]])
         periods = round(LONGEST_COMPARED / dt)
+        self._least = max(LEAST, LEAST_PERIODS * dt)
         # roll and pitch rates that were commanded, the newest first [rad/s]  (periods + 1, 2)
         self._commanded = deque([np.zeros(2)] * (periods + 1), periods + 1)
         # mean square of the errors under each delay [rad^2/s^4]  (periods + 1,)
@@ -107,7 +110,7 @@ class DelayLearner:
         # The delay with the least error; one beyond the longest delay means lost commands
         best = int(self._errors.argmin())
         is_lost = best > round(LONGEST / self._dt)
-        if best * self._dt < LEAST:
+        if best * self._dt < self._least:
             best = 0
 
         # Is it much better than the delay in use, and about the same as a period before?
