@@ -26,8 +26,8 @@ from quadsim.rotation import Vec3
 # the commands are lost rather than late
 LONGEST = 0.1
 LONGEST_COMPARED = 0.2
-# [s] and control periods; a shorter delay counts as none. One of a single period cannot be told from
-# the age of a gyroscope's samples.
+# [s] and control periods; a shorter delay counts as none. One of a single period cannot be told
+# from the age of a gyroscope's samples.
 LEAST = 0.025
 LEAST_PERIODS = 2
 # weight of the newest error in the mean squares, per second
