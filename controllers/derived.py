@@ -46,6 +46,8 @@ GRID = 0.5
 MARGIN_RADII = 0.8
 # The largest share of half the free opening for the margin, whatever the radius
 LARGEST_SHARE = 0.5
+# The smallest share with a control period above SLOW_PERIOD, in which errors grow for longer
+SLOW_SHARE = 0.4
 # The largest margin as a share of the narrowest half opening; it also bounds that to the ground.
 MARGIN_ROOM = 0.7
 # A margin of this or more has the weight of the reference [m]; below, weight x margin^2 stays
@@ -419,12 +421,13 @@ def margin_share(reference: float, scale: Scale) -> Law:
     """Return the margin as a share of half of the free opening.
 
     It equals the reference's share, unless the margin would be less than a part of the vehicle's
-    radius.
+    radius, or the control period is long.
     """
+    usual = max(reference, SLOW_SHARE) if scale.period > SLOW_PERIOD else reference
     least = three_digits(MARGIN_RADII * scale.radius / scale.room)
-    value = min(max(reference, least), LARGEST_SHARE)
+    value = min(max(usual, least), LARGEST_SHARE)
     share = f"{MARGIN_RADII:g} x radius {scale.radius:g} m / {scale.room_text}"
-    return Law(value, f"{share}, from {reference:g} to {LARGEST_SHARE:g}")
+    return Law(value, f"{share}, from {usual:g} to {LARGEST_SHARE:g}")
 
 
 def clearance(reference: RaceWeights, scale: Scale) -> Law:

@@ -185,6 +185,13 @@ def test_margins_grow_with_the_room_and_its_weight_falls():
     assert margin_share(0.25, slim).value < margin_share(0.25, SMALL).value
 
 
+def test_margins_are_larger_with_a_control_period_of_more_than_20_ms():
+    roomy = SMALL._replace(room=9.0)
+    shares = [margin_share(0.25, roomy._replace(period=dt)).value for dt in (0.01, 0.02, 0.025)]
+    assert shares == [0.25, 0.25, 0.4]
+    assert margin_share(0.45, roomy._replace(period=0.025)).value == 0.45
+
+
 @pytest.mark.parametrize("gamma", [0.0, 0.8, 2.0])
 def test_the_noise_below_the_cut_off_does_not_depend_on_the_control_period(gamma):
     """The power at each low frequency stays; without the factor it does not, but for gamma 2."""
