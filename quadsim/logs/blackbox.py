@@ -71,6 +71,7 @@ def read_blackbox_log(path: Path) -> list[RawLog]:
     """
     orangebox = imported("orangebox", "orangebox", "logs")
     logging.getLogger("orangebox").setLevel(logging.CRITICAL)
+    _set_header_defaults(orangebox)
     count = read_bytes(path, "a blackbox log").count(BEGIN)
     found = []
     problems = []
@@ -87,6 +88,17 @@ def read_blackbox_log(path: Path) -> list[RawLog]:
         remarks = (*first.remarks, *(f"left out: {problem}" for problem in problems))
         found[0] = RawLog(first.name, first.t, first.signals, remarks, first.largest)
     return found
+
+
+def _set_header_defaults(orangebox: Any) -> None:
+    """Replace the properties of a class, which Python 3.13 no longer has, by their values.
+
+    Orangebox 0.4.0 has them for what a header may leave out.
+    """
+    defaults = orangebox.defaults.HeaderDefaults
+    for name, member in list(vars(defaults).items()):
+        if isinstance(member, classmethod) and isinstance(member.__func__, property):
+            setattr(defaults, name, member.__func__.__get__(defaults))
 
 
 def _read_one(orangebox: Any, path: Path, number: int, name: str) -> RawLog:

@@ -338,7 +338,7 @@ UNTELLABLE = {
     "an object within its attribute": (within_itself(lambda held: held), WITHIN),
     "an object within its list": (within_itself(lambda held: [held]), WITHIN),
     "an object within its set": (within_itself(lambda held: {Held(held)}), WITHIN),
-    "a long chain": (nested(3000), WITHIN),
+    "a long chain": (nested(30_000), WITHIN),
 }
 
 
