@@ -46,7 +46,7 @@ GRID = 0.5
 MARGIN_RADII = 0.8
 # The largest share of half the free opening for the margin, whatever the radius
 LARGEST_SHARE = 0.5
-# The smallest share with a control period above SLOW_PERIOD, in which errors grow for longer
+# The smallest share with a control period above SLOW_PERIOD: errors grow until the next plan.
 SLOW_SHARE = 0.4
 # The largest margin as a share of the narrowest half opening; it also bounds that to the ground.
 MARGIN_ROOM = 0.7

@@ -11,6 +11,7 @@ from functools import partial
 from itertools import product
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import NamedTuple
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -85,6 +86,20 @@ def predicted(loop: RateLoop) -> tuple[np.ndarray, np.ndarray]:
     return step(system, T=np.linspace(0.0, SHOWN, 600))
 
 
+class Spectrum(NamedTuple):
+    """The spectrum of one signal of the firmware's log."""
+
+    f: np.ndarray  # frequencies [Hz]
+    density: np.ndarray  # power spectral density
+
+
+class LoggedLap(NamedTuple):
+    """A lap, and the spectra of its log."""
+
+    lap: float  # [s]
+    spectra: list[Spectrum]  # of the signals of LOGGED, in their order
+
+
 def draw_spectra() -> None:
     """Draw the spectra of what the firmware logs of both samplers' flights, and print their powers.
 
@@ -92,11 +107,12 @@ def draw_spectra() -> None:
     """
     figure, axes = plt.subplots(1, 3, figsize=(10.5, 3.4))
     for smooth, sampler in product((False, True), SAMPLERS):
-        lap, spectra = flown_spectra(sampler, smooth)
-        powers = [f"{rms(*spectrum):.3f}" for spectrum in spectra]
-        print("smoothed" if smooth else "as sampled", sampler, f"{lap:.3f}", *powers, sep=" | ")
+        flown = logged_lap(sampler, smooth)
+        powers = [f"{rms(spectrum):.3f}" for spectrum in flown.spectra]
+        plan = "smoothed" if smooth else "as sampled"
+        print(plan, sampler, f"{flown.lap:.3f}", *powers, sep=" | ")
         if smooth:
-            for panel, (f, density) in zip(axes, spectra, strict=True):
+            for panel, (f, density) in zip(axes, flown.spectra, strict=True):
                 shown = (f > 0.0) & (f <= HIGHEST)
                 draw_density(panel, f[shown], density[shown], STYLES[sampler].colour, sampler)
     for panel, (title, _, unit) in zip(axes, LOGGED.values(), strict=True):
@@ -107,11 +123,8 @@ def draw_spectra() -> None:
     save(figure, "betaflight_spectra.png")
 
 
-def flown_spectra(sampler: str, smooth: bool) -> tuple[float, list[tuple[np.ndarray, np.ndarray]]]:
-    """Fly a lap and return its time [s] and the spectra of the firmware's log, as LOGGED has them.
-
-    Each spectrum is the frequencies [Hz] and the power spectral density.
-    """
+def logged_lap(sampler: str, smooth: bool) -> LoggedLap:
+    """Fly a lap behind the firmware, and read the spectra of its log."""
     with TemporaryDirectory() as folder:
         log = Path(folder) / "flight.bbl"
         run = quadsim.fly(
@@ -134,14 +147,14 @@ def flown_spectra(sampler: str, smooth: bool) -> tuple[float, list[tuple[np.ndar
     for name, (_, factor, _) in LOGGED.items():
         signal = np.array([frame[column[name]] for frame in frames], float)[flying]
         scale = 1.0 / (high - low) if factor is None else factor
-        spectra.append(welch(scale * signal, rate, nperseg=SEGMENT))
-    return run.laps[0], spectra
+        spectra.append(Spectrum(*welch(scale * signal, rate, nperseg=SEGMENT)))
+    return LoggedLap(run.laps[0], spectra)
 
 
-def rms(f: np.ndarray, density: np.ndarray) -> float:
+def rms(spectrum: Spectrum) -> float:
     """Return the root mean square of a signal within BAND, from its spectrum."""
-    inside = (f >= BAND[0]) & (f <= BAND[1])
-    return float(np.sqrt(np.trapezoid(density[inside], f[inside])))
+    inside = (spectrum.f >= BAND[0]) & (spectrum.f <= BAND[1])
+    return float(np.sqrt(np.trapezoid(spectrum.density[inside], spectrum.f[inside])))
 
 
 def draw_density(panel: Axes, f: np.ndarray, density: np.ndarray, colour: str, name: str) -> None:
